@@ -1,0 +1,1 @@
+"""SACHA: semantic-aware compression of animatable 3D Gaussian head avatars."""

@@ -1,0 +1,1 @@
+"""What is compressed: canonical Gaussians, their binding to a head, and motion."""

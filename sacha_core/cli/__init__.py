@@ -1,0 +1,1 @@
+"""The shell command `sacha`: one file for each subcommand."""

@@ -1,0 +1,1 @@
+"""How many Gaussians a region gets: sensitivity, modulators, importance scores, selection."""

@@ -1,0 +1,38 @@
+"""Errors that a caller may want to catch; every message says what was wrong, where, and what was expected."""
+
+from __future__ import annotations
+
+__all__ = ["DatasetError", "FormatError", "GeometryError", "HeadError", "OptionError", "SachaError"]
+
+
+class SachaError(Exception):
+    """Anything wrong with what SACHA was given; the command line prints it as one line and exits with 2."""
+
+
+class FormatError(SachaError):
+    """A file's bytes are not what its format promises.
+
+    Args:
+        message: what was wrong and what was expected.
+        offset: byte offset of the fault from the start of the file, where one is known.
+    """
+
+    def __init__(self, message: str, offset: int | None = None) -> None:
+        super().__init__(message if offset is None else f"{message} (at byte {offset})")
+        self.offset = offset
+
+
+class GeometryError(SachaError):
+    """A mesh or a transform is degenerate; the message names the first offender."""
+
+
+class HeadError(SachaError):
+    """A head model is missing, of another topology, or not the one that an avatar is bound to."""
+
+
+class DatasetError(SachaError):
+    """A capture on disk is incomplete or inconsistent; the message names the file."""
+
+
+class OptionError(SachaError):
+    """An option has a value that makes no sense; the message names the option and its range."""

@@ -1,0 +1,1 @@
+"""Judging an avatar: splits, metrics, rate and distortion, reports."""

@@ -1,0 +1,1 @@
+"""Pure functions of arrays: quaternions, triangle frames, spherical harmonics, skinning."""

@@ -1,0 +1,1 @@
+"""What people see: the reference sensitivity map, and image metrics."""

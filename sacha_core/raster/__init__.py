@@ -1,0 +1,1 @@
+"""Drawing Gaussians on the CPU: camera, rasteriser, and its gradient; numpy in, numpy out."""

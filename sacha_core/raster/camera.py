@@ -1,0 +1,64 @@
+"""A pinhole camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+__all__ = ["Camera"]
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera in OpenCV's axes: x right, y down, z forward; pixel centres lie at +0.5.
+
+    Args:
+        width: image width, pixels.
+        height: image height, pixels.
+        fx: focal length along x, pixels.
+        fy: focal length along y, pixels.
+        cx: principal point from the image's left edge, pixels.
+        cy: principal point from the image's top edge, pixels.
+        rotation: (3, 3) world to camera.
+        translation: (3,) world to camera, metres: x_camera = rotation @ x_world + translation.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    rotation: Float[np.ndarray, "3 3"]
+    translation: Float[np.ndarray, "3"]
+
+    @property
+    def centre(self) -> Float[np.ndarray, "3"]:
+        """Where the camera stands in the world, metres."""
+        centre: np.ndarray = -self.rotation.T @ self.translation
+        return centre
+
+    def crop(self, left: int, top: int, width: int, height: int) -> Camera:
+        """Give the camera of a rectangle of the image."""
+        return replace(self, width=width, height=height, cx=self.cx - left, cy=self.cy - top)
+
+    def resized(self, width: int, height: int) -> Camera:
+        """Give the camera of the same view at another resolution."""
+        x, y = width / self.width, height / self.height
+        return replace(self, width=width, height=height, fx=self.fx * x, fy=self.fy * y, cx=self.cx * x, cy=self.cy * y)
+
+    @classmethod
+    def look_at(
+        cls, eye: Float[np.ndarray, "3"], target: Float[np.ndarray, "3"], width: int, height: int, focal: float
+    ) -> Camera:
+        """Give the camera at `eye` that looks at `target` with the world's y up; `focal` in pixels."""
+        forward = np.asarray(target, np.float64) - eye
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, (0.0, 1.0, 0.0))
+        right /= np.linalg.norm(right)
+        rotation = np.stack([right, np.cross(forward, right), forward])
+        return cls(
+            width, height, focal, focal, width / 2, height / 2, rotation, -rotation @ np.asarray(eye, np.float64)
+        )

@@ -1,0 +1,1 @@
+"""The eight regions of a head: which triangle belongs to which."""

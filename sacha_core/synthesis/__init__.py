@@ -1,0 +1,1 @@
+"""Multi-view captures made from a head that nobody had to film."""

@@ -1,0 +1,30 @@
+"""What every test may ask for: hypothesis without surprises, and real material where it lies beside the checkout."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+settings.register_profile(
+    "sacha",
+    derandomize=True,
+    deadline=None,
+    max_examples=40,
+    suppress_health_check=[HealthCheck.too_slow],
+    database=None,
+)
+settings.load_profile("sacha")
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """Give the folder of real material, or skip; SACHA_REQUIRE_REAL_DATA=1 turns the skip into a failure."""
+    folder = Path(os.environ.get("SACHA_REAL_DATA", Path(__file__).parents[2] / "shared" / "data"))
+    if not folder.is_dir():
+        if os.environ.get("SACHA_REQUIRE_REAL_DATA") == "1":
+            pytest.fail(f"SACHA_REQUIRE_REAL_DATA is set and {folder} does not exist")
+        pytest.skip(f"real material is not at {folder}; SACHA_REAL_DATA names another place")
+    return folder
