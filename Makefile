@@ -1,0 +1,37 @@
+# Every target works from a bare clone: the first one makes .venv with the pinned versions of constraints.txt.
+PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3.13 || command -v python3)
+BIN := .venv/bin
+PIP_QUIET := --quiet --disable-pip-version-check
+
+.PHONY: demo test quick lint bench install clean
+
+demo: install
+	$(BIN)/sacha demo --out out/demo
+
+test: install test-blender
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+quick: install
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
+
+lint: install
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: install
+	$(BIN)/python benchmarks/raster.py --quick
+
+install: .venv/.installed
+
+.venv/.installed: pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "SACHA needs Python 3.11 or newer; name one with: make PYTHON=/path/to/python3.11")'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install $(PIP_QUIET) --constraint constraints.txt --editable ".[train,shell,test,lint]"
+	touch $@
+
+clean:
+	rm -rf .venv .venv-bpy* out dist build *.egg-info
+
+-include tools/blender.mk
