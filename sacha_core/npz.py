@@ -1,0 +1,113 @@
+"""NumPy archives from anywhere: read without trust, written so that equal arrays give equal bytes."""
+
+from __future__ import annotations
+
+import io
+import lzma
+import math
+import os
+import struct
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from sacha_core.errors import FormatError
+from sacha_core.files import write_aside
+
+__all__ = ["read_npz", "write_npz"]
+
+MAX_BYTES = (
+    1 << 32
+)  # FLAME with all components is 0.05 GB, an hour of dynamic offsets as GaussianAvatars writes them about 5 GB
+DEFLATE_RATIO = 1100  # deflate cannot do better than 1032 to 1, so a member that claims more is lying
+FAULTS = (
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, ValueError, KeyError, IndexError, RuntimeError,
+    NotImplementedError, SyntaxError, OverflowError, MemoryError, TypeError, AttributeError,
+)  # what zipfile and numpy.lib.format raise on hostile bytes  # fmt: skip
+
+
+def read_npz(
+    path: str | os.PathLike[str], *, skip: tuple[str, ...] = (), max_bytes: int = MAX_BYTES
+) -> dict[str, np.ndarray]:
+    """Read every array of an `.npz` file.
+
+    No object arrays (they are pickles), and no more memory than the file's own size can account for.
+
+    Args:
+        path: the file.
+        skip: names of arrays that are not wanted; they are not even decompressed.
+        max_bytes: most bytes that the arrays may have together.
+
+    Returns:
+        Arrays by name, in the file's order.
+
+    Raises:
+        FormatError: the file is no such archive, is damaged, or holds something else than plain arrays.
+        OSError: the file cannot be read.
+    """
+    file = Path(path)
+    with file.open("rb") as stream:
+        if stream.read(2) != b"PK":
+            raise FormatError(f"{file}: not an .npz archive (a zip archive of NumPy arrays)", offset=0)
+        try:
+            with zipfile.ZipFile(stream) as archive:
+                return _read_members(archive, skip, max_bytes)
+        except FormatError as error:
+            raise FormatError(f"{file}: {error}") from error
+        except FAULTS as error:
+            raise FormatError(f"{file}: damaged .npz archive: {str(error) or type(error).__name__}") from error
+
+
+def _read_members(archive: zipfile.ZipFile, skip: tuple[str, ...], max_bytes: int) -> dict[str, np.ndarray]:
+    arrays: dict[str, np.ndarray] = {}
+    total = 0
+    for member in archive.infolist():
+        name = member.filename.removesuffix(".npy")
+        if name in skip:
+            continue
+        if name in arrays:
+            raise FormatError(f"array {name!r} occurs twice")
+        total += member.file_size
+        if total > max_bytes:
+            raise FormatError(f"its arrays take more than {max_bytes} bytes, which is the most that is read")
+        if member.file_size > DEFLATE_RATIO * member.compress_size + 64:
+            raise FormatError(
+                f"array {name!r} claims {member.file_size} bytes, which its {member.compress_size} cannot hold"
+            )
+        arrays[name] = _read_array(io.BytesIO(archive.read(member)), member.file_size, name)
+    return arrays
+
+
+def _read_array(stream: io.BytesIO, n_bytes: int, name: str) -> np.ndarray:
+    version = np.lib.format.read_magic(stream)
+    if version not in {(1, 0), (2, 0)}:
+        raise FormatError(f"array {name!r} has .npy version {version}, expected 1.0 or 2.0")
+    header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, fortran_order, dtype = header(stream)
+    if dtype.hasobject:
+        raise FormatError(f"array {name!r} holds Python objects, which are never read; expected numbers or text")
+    if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize != n_bytes - stream.tell():
+        raise FormatError(
+            f"array {name!r} has shape {shape} of {dtype}, which is not the {n_bytes - stream.tell()} bytes it takes"
+        )
+    flat = np.frombuffer(bytearray(stream.read()), dtype)
+    return flat.reshape(shape[::-1]).T if fortran_order else flat.reshape(shape)
+
+
+def write_npz(path: str | os.PathLike[str], arrays: Mapping[str, np.ndarray]) -> None:
+    """Write arrays as an `.npz` file, aside and then moved into place; no clock goes into the bytes.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    with (
+        write_aside(path) as aside,
+        aside.open("wb") as stream,
+        zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive,
+    ):
+        for name, array in arrays.items():
+            with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
