@@ -13,7 +13,8 @@ SMALLEST_NORM = 1e-12  # below it a quaternion has no direction; dividing by thi
 def normalise(q: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch 4"]:
     """Give quaternions of unit length and the same direction; one of length zero stays zero."""
     length = np.sqrt(np.einsum("...i,...i->...", q, q))
-    return q / np.maximum(length, q.dtype.type(SMALLEST_NORM))[..., None]
+    unit: np.ndarray = q / np.maximum(length, q.dtype.type(SMALLEST_NORM))[..., None]
+    return unit
 
 
 def multiply(a: Float[np.ndarray, "*a 4"], b: Float[np.ndarray, "*b 4"]) -> Float[np.ndarray, "*c 4"]:
