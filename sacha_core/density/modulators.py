@@ -1,0 +1,41 @@
+"""From mean sensitivities to each region's densification threshold and pruning ratio."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from sacha_core.density.region_means import RegionMeans
+
+__all__ = ["bounded", "modulators"]
+
+SMALLEST_MEAN = 1e-6  # a sigmoid never gives 0; this keeps a region of vanishing sensitivity finite
+
+
+def modulators(means: RegionMeans) -> Float[np.ndarray, " r"]:
+    """Give each region's modulator: overall mean over the region's mean; below 1 where people look.
+
+    Returns:
+        (r,) positive; exactly 1 where a region has no mean, and everywhere if all sensitivities are equal.
+
+    Source: SACHA, section on semantic-aware density control, equation 8.
+    """
+    known = np.isfinite(means.region)
+    ratio = means.overall / np.maximum(means.region, SMALLEST_MEAN, where=known, out=np.ones_like(means.region))
+    return np.where(known, ratio, 1.0)
+
+
+def bounded(base: float, modulator: Float[np.ndarray, " r"], lowest: float, highest: float) -> Float[np.ndarray, " r"]:
+    """Scale a threshold or ratio by the modulators, then clip it: tau_R and rho_R are both made so.
+
+    A low threshold lets a region grow sooner, a low ratio spares it: sensitive regions get both.
+
+    Args:
+        base: value of an average region (tau0 or rho0).
+        modulator: (r,) of each region.
+        lowest: of any region.
+        highest: of any region.
+
+    Source: SACHA, section on semantic-aware density control.
+    """
+    return np.clip(base * modulator, lowest, highest)

@@ -1,0 +1,1 @@
+"""How much each Gaussian matters to the pictures: one score a file."""

@@ -1,0 +1,36 @@
+"""The factor by which scores discount small Gaussians."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+__all__ = ["volume_factor"]
+
+POWER = 0.1
+
+
+def volume_factor(
+    scales: Float[np.ndarray, "n 3"], percentile: float = 90, clamp: bool = True
+) -> Float[np.ndarray, " n"]:
+    """Give each Gaussian's volume relative to a percentile of all volumes, to the power of 0.1.
+
+    Args:
+        scales: (n, 3) standard deviations, of one space.
+        percentile: of the volumes that counts as 1.
+        clamp: whether larger volumes count as 1, too.
+
+    Returns:
+        (n,) float64; empty for no Gaussians.
+
+    Source: Fan et al., LightGaussian, 2023, equation 3.
+    """
+    if not len(scales):
+        return np.empty(0)
+    volume = np.prod(scales, axis=1, dtype=np.float64)  # 4/3 pi cancels
+    reference = np.percentile(volume, percentile)
+    ratio = np.divide(volume, reference, out=np.ones_like(volume), where=reference > 0)
+    if clamp:
+        ratio = np.minimum(ratio, 1.0)
+    factor: np.ndarray = ratio**POWER
+    return factor

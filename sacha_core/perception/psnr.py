@@ -1,0 +1,37 @@
+"""Peak signal-to-noise ratio."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+__all__ = ["psnr"]
+
+Image = Float[np.ndarray, "h w c"] | UInt8[np.ndarray, "h w c"]
+
+
+def psnr(image: Image, reference: Image) -> float:
+    """Peak signal-to-noise ratio over all pixels, the white background included.
+
+    Args:
+        image: (h, w, c) float in [0, 1] (clamped if beyond), or uint8.
+        reference: (h, w, c), likewise.
+
+    Returns:
+        Decibels; infinite where both are the same.
+
+    Raises:
+        ValueError: their shapes differ.
+
+    Source: definition; clamping as GaussianAvatars evaluates.
+    """
+    if image.shape != reference.shape:
+        raise ValueError(f"images of shapes {image.shape} and {reference.shape} cannot be compared")
+    error = float(np.mean(np.square(unit_range(image) - unit_range(reference))))
+    return float("inf") if error == 0 else float(-10 * np.log10(error))
+
+
+def unit_range(image: Image) -> Float[np.ndarray, "h w c"]:
+    """Give the image in float64 within [0, 1]; uint8 is divided by 255."""
+    scaled = image / 255.0 if image.dtype == np.uint8 else np.asarray(image, np.float64)
+    return np.clip(scaled, 0.0, 1.0)
