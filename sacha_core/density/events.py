@@ -144,15 +144,14 @@ def _parse_line(line: str, number: int) -> Event:
     try:
         record: dict[str, Any] = json.loads(line)
         kind = KINDS[record.pop("event")]
-        names = {f.name for f in fields(kind)}
-        if record.keys() != names:
-            raise FormatError(f"event {number} has fields {sorted(record)}, expected {sorted(names)}")
-        event: Event = kind(
-            **{name: tuple(value) if isinstance(value, list) else value for name, value in record.items()}
-        )
-        return event
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise FormatError(f"event {number} is not a JSON object of a known kind ({', '.join(KINDS)})") from error
+    names = {f.name for f in fields(kind)}
+    if record.keys() != names:
+        raise FormatError(f"event {number} has fields {sorted(record)}, expected {sorted(names)}")
+    values = {name: tuple(value) if isinstance(value, list) else value for name, value in record.items()}
+    event: Event = kind(**values)
+    return event
 
 
 def write_events(path: str | os.PathLike[str], events: Iterable[Event]) -> None:
