@@ -24,10 +24,10 @@ MAX_BYTES = (
     1 << 32
 )  # FLAME with all components is 0.05 GB, an hour of dynamic offsets as GaussianAvatars writes them about 5 GB
 DEFLATE_RATIO = 1100  # deflate cannot do better than 1032 to 1, so a member that claims more is lying
-FAULTS = (
-    zipfile.BadZipFile, tokenize.TokenError, zlib.error, lzma.LZMAError, struct.error, EOFError, ValueError, KeyError, IndexError, RuntimeError,
-    NotImplementedError, SyntaxError, OverflowError, MemoryError, TypeError, AttributeError,
-)  # what zipfile and numpy.lib.format raise on hostile bytes  # fmt: skip
+FAULTS = (  # what zipfile and numpy.lib.format raise on hostile bytes
+    zipfile.BadZipFile, tokenize.TokenError, zlib.error, lzma.LZMAError, struct.error, EOFError, ValueError, KeyError,
+    IndexError, RuntimeError, NotImplementedError, SyntaxError, OverflowError, MemoryError, TypeError, AttributeError,
+)  # fmt: skip
 
 
 def read_npz(

@@ -16,6 +16,7 @@ from sacha_core.geometry.triangle import TriangleFrames, triangle_frames
 
 ROUNDING_32 = 3e-6  # a product of three float32 matrices with entries of size one
 VERTICES = np.random.default_rng(0).normal(size=(12, 3))
+MOVE = np.array([1.0, 2, 3])
 FACES = np.array([[0, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 11], [2, 1, 7]])
 
 
@@ -59,8 +60,8 @@ def test_opacity_is_the_sigmoid_without_overflow() -> None:
 def test_turning_the_mesh_turns_the_gaussians() -> None:
     gaussians, turn = random_gaussians(), Rotation.from_rotvec([0.3, -1.1, 2.0])
     before = to_world(gaussians, triangle_frames(VERTICES, FACES))
-    after = to_world(gaussians, triangle_frames(turn.apply(VERTICES) + [1, 2, 3], FACES))
-    np.testing.assert_allclose(after.means, turn.apply(before.means) + [1, 2, 3], atol=10 * ROUNDING_32)
+    after = to_world(gaussians, triangle_frames(turn.apply(VERTICES) + MOVE, FACES))
+    np.testing.assert_allclose(after.means, turn.apply(before.means) + MOVE, atol=10 * ROUNDING_32)
     np.testing.assert_allclose(after.scales, before.scales, rtol=ROUNDING_32)
     expected = covariance(quaternion.multiply(turn.as_quat(scalar_first=True), before.quaternions), before.scales)
     np.testing.assert_allclose(covariance(after.quaternions, after.scales), expected, atol=1e-4)
