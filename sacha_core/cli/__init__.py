@@ -1,1 +1,11 @@
-"""The shell command `sacha`: one file for each subcommand."""
+"""The shell command `sacha`: one file for each subcommand.
+
+A command is a module with a frozen dataclass `Options`, whose docstring is its help, and `run(options, console)`, which does the work and
+returns what `--json` shall hold. It imports what is heavy inside `run`. Adding one: write the module, name it in `commands.COMMANDS`.
+"""
+
+from __future__ import annotations
+
+from sacha_core.cli.program import main
+
+__all__ = ["main"]

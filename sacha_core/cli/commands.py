@@ -1,0 +1,35 @@
+"""The list of commands: what `sacha --help` shows, and where each one lives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["COMMANDS", "Command"]
+
+
+@dataclass(frozen=True)
+class Command:
+    """One subcommand.
+
+    Args:
+        module: its file in this folder, without the suffix.
+        summary: its line in `sacha --help`; None for a command that only programs call.
+    """
+
+    module: str
+    summary: str | None
+
+
+COMMANDS = {
+    "demo": Command("demo", "Show all of it: a capture, two trainings, every level."),
+    "synth": Command("synth", "Make a multi-view capture of the synthetic head."),
+    "train": Command("train", "Train an avatar on a multi-view capture."),
+    "encode": Command("encode", "Compress an avatar and its motion into a .sacha file."),
+    "decode": Command("decode", "Turn a .sacha file back into PLY, motion or model."),
+    "inspect": Command("inspect", "Show what is in a .sacha file, byte by byte."),
+    "render": Command("render", "Draw one frame of an avatar, or a video of it."),
+    "evaluate": Command("evaluate", "Judge an avatar on views and expressions held out."),
+    "convert-head": Command("convert_head", "Make a head model from a FLAME pickle or a rig."),
+    "doctor": Command("doctor", "Check this installation, or a capture."),
+    "scene": Command("scene", None),
+}

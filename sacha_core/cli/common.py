@@ -1,0 +1,60 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from sacha_core.errors import OptionError
+
+__all__ = ["Common", "FileOption", "HeadSource", "ImageSize", "require_positive"]
+
+FileOption = Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")]
+PixelsOption = Annotated[int | None, tyro.conf.arg(metavar="PIXELS", help_behavior_hint="")]
+
+
+@dataclass(frozen=True)
+class Common:
+    """What every command takes."""
+
+    json: FileOption = None
+    """Also write a machine-readable report to this file."""
+
+    progress: Literal["bar", "json", "none"] = "bar"
+    """bar: with the time left; json: one object a line on stdout, and nothing else there; none."""
+
+
+@dataclass(frozen=True)
+class HeadSource:
+    """The head that the avatar is bound to."""
+
+    head: Annotated[str | None, tyro.conf.arg(metavar="HEAD", help_behavior_hint="")] = None
+    """A head model or rig (.npz), a FLAME pickle, or "synthetic"; by default the one inside the file, else the one used before."""
+
+    masks: FileOption = None
+    """Vertex masks (FLAME_masks.npz or .pkl), which tell the regions of a head apart that brings none."""
+
+
+@dataclass(frozen=True)
+class ImageSize:
+    """How large images are."""
+
+    width: PixelsOption = None
+    """Image width; by default the stored one."""
+
+    height: PixelsOption = None
+    """Image height; by default the stored one."""
+
+
+def require_positive(**options: float | None) -> None:
+    """Check that numbers given on the command line are above 0.
+
+    Raises:
+        OptionError: naming the first that is not.
+    """
+    for name, value in options.items():
+        if value is not None and not value > 0:
+            raise OptionError(f"--{name.replace('_', '-')} is {value:g}, expected more than 0")

@@ -1,0 +1,139 @@
+"""From the arguments of `sacha` to an exit status."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from types import ModuleType
+from typing import Any
+
+from sacha_core.cli.commands import COMMANDS
+from sacha_core.errors import OptionError, SachaError
+
+__all__ = ["EXIT_BAD_INPUT", "EXIT_INTERRUPTED", "main"]
+
+EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+
+DESCRIPTION = """Semantic-aware compression of animatable 3D Gaussian head avatars.
+
+From captured frames to a small .sacha file and back: synth or capture, train, encode, decode, render, evaluate.
+`sacha COMMAND --help` explains each command."""
+
+EXTRAS = {
+    "torch": "train",
+    "gsplat": "cuda",
+    "bpy": "blender",
+    "tyro": "shell",
+    "rich": "shell",
+    "av": "shell",
+    "matplotlib": "shell",
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Args:
+        argv: the arguments after the program's name; those of this process where None.
+
+    Returns:
+        The exit status: 0 done, 2 bad input (one line on stderr says what), 130 interrupted. A bug raises.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if argv is None:
+        signal.signal(signal.SIGTERM, _terminate)
+    name = arguments[0] if arguments and arguments[0] in COMMANDS else None
+    try:
+        if name is None:
+            return _front_page(arguments)
+        return _run(name, arguments[1:])
+    except SystemExit as stop:  # how tyro ends after --help (0) or on a wrong argument (2)
+        return stop.code if isinstance(stop.code, int) else EXIT_BAD_INPUT
+    except (
+        BrokenPipeError
+    ):  # whoever read our output has gone (`sacha inspect a.sacha | head`), so nobody is left to tell
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_BAD_INPUT
+    except (SachaError, OSError, ModuleNotFoundError, KeyboardInterrupt) as error:
+        line = one_line(error)
+        if line is None:
+            raise
+        sys.stderr.write(f"sacha {name or ''}".rstrip() + f": {line}\n")
+        return EXIT_INTERRUPTED if isinstance(error, KeyboardInterrupt) else EXIT_BAD_INPUT
+
+
+def one_line(error: BaseException) -> str | None:
+    """Say on one line what went wrong, a system error as `FILE: what happened`; None where it is not the user's to put right."""
+    text = str(error)
+    if isinstance(error, KeyboardInterrupt):
+        return "interrupted"
+    if isinstance(error, ModuleNotFoundError):
+        extra = EXTRAS.get(error.name or "")
+        return extra and f"needs the package {error.name}: pip install 'sacha[{extra}]'"
+    if isinstance(error, OSError) and error.strerror:
+        text = error.strerror[:1].lower() + error.strerror[1:]
+        if error.filename is not None:
+            text = f"{os.fspath(error.filename)}: {text}"
+    return " ".join(text.split())
+
+
+def _run(name: str, arguments: list[str]) -> int:
+    """Read the options of one command, run it, write its report."""
+    import tyro
+
+    from sacha_core.cli.console import Console, write_report
+
+    module = _load(name)
+    options = tyro.cli(
+        module.Options,
+        prog=f"sacha {name}",
+        args=arguments,
+        config=(tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff),
+    )
+    start = time.perf_counter()
+    with Console(options.common.progress) as console:
+        found: dict[str, Any] = module.run(options, console)
+        if options.common.json is not None:
+            seconds = round(time.perf_counter() - start, 3)
+            write_report(options.common.json, {"command": name, "seconds": seconds, **found})
+            console.say(f"report       {options.common.json}")
+    sys.stdout.flush()
+    return 0
+
+
+def _front_page(arguments: list[str]) -> int:
+    """Show the list of commands or the version, or say that there is no such command."""
+    import tyro
+
+    from sacha_core import __version__
+
+    if arguments == ["--version"]:
+        sys.stdout.write(f"sacha {__version__}\n")
+        return 0
+
+    listed = {name: _described(command.summary) for name, command in COMMANDS.items() if command.summary}
+    tyro.extras.subcommand_cli_from_dict(listed, prog="sacha", description=DESCRIPTION, args=arguments or ["--help"])
+    raise OptionError(f"no command in {' '.join(arguments)}")  # pragma: no cover (tyro has ended the program)
+
+
+def _described(summary: str) -> Callable[[], None]:
+    """Give a function without arguments whose help is `summary`."""
+
+    def command() -> None: ...
+
+    command.__doc__ = summary
+    return command
+
+
+def _load(name: str) -> ModuleType:
+    return importlib.import_module(f"sacha_core.cli.{COMMANDS[name].module}")
+
+
+def _terminate(*_: object) -> None:
+    """On SIGTERM unwind as on Ctrl-C, so that half-written files are removed."""
+    raise KeyboardInterrupt

@@ -1,0 +1,190 @@
+"""`sacha render`: pictures and videos of an avatar."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+from sacha_core.cli.common import Common, FileOption, HeadSource, PixelsOption, require_positive
+from sacha_core.cli.console import Console
+from sacha_core.errors import OptionError
+from sacha_core.progress import Progress
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from sacha_core.cli.cameras import RoundTheHead, ThroughCapture
+    from sacha_core.cli.stage import Stage
+
+__all__ = ["Options", "ViewOptions", "run"]
+
+DEFAULT_SIZE = (550, 802)  # the paper's images
+
+
+@dataclass(frozen=True)
+class ViewOptions:
+    """Where from."""
+
+    azimuth: Annotated[tuple[float, ...], tyro.conf.arg(metavar="DEGREES...")] = (0.0,)
+    """Where the camera stands: 0 in front, 90 at the subject's left; several give pictures side by side."""
+
+    elevation: Annotated[float, tyro.conf.arg(metavar="DEGREES")] = 0.0
+    """How far above the middle of the head."""
+
+    distance: Annotated[float | None, tyro.conf.arg(metavar="METRES", help_behavior_hint="(default: 1)")] = None
+    """From the middle of the head."""
+
+    focal: Annotated[
+        float | None, tyro.conf.arg(metavar="PIXELS", help_behavior_hint="(default: so that the head fits)")
+    ] = None
+    """Focal length."""
+
+    orbit: Annotated[float, tyro.conf.arg(metavar="DEGREES")] = 0.0
+    """Video only: how far the cameras travel round the head from first frame to last; 360 is once round."""
+
+    dataset: Annotated[Path | None, tyro.conf.arg(metavar="DATASET", help_behavior_hint="")] = None
+    """A capture whose cameras to look through, instead of all the above."""
+
+    camera: Annotated[tuple[int, ...], tyro.conf.arg(metavar="INDEX...")] = (8,)
+    """Which of the capture's cameras; several give pictures side by side."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Draw one frame of an avatar, or a video of it.
+
+    sacha render a.sacha --frame 0 -o a.png
+
+    sacha render a.sacha --video a.mp4 --azimuth -40 0 40
+
+    sacha render a.sacha --video a.mp4 --dataset DATASET --camera 8 0
+    """
+
+    avatar: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="AVATAR")]
+    """A .sacha file, a model folder, or a PLY of bound Gaussians (with --head)."""
+
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="FILE.png", help_behavior_hint="")] = None
+    """The picture to write."""
+
+    frame: int = 0
+    """Which frame of the motion the picture shows, from 0."""
+
+    video: Annotated[Path | None, tyro.conf.arg(metavar="FILE.mp4", help_behavior_hint="")] = None
+    """The video to write."""
+
+    frames: Annotated[str, tyro.conf.arg(metavar="FROM:TO:STEP", help_behavior_hint="(default: all)")] = ":"
+    """Which frames the video shows, as slices in Python: 0:100, ::2."""
+
+    motion: FileOption = None
+    """Motion (.npz) to play instead of the avatar's own."""
+
+    colour: Literal["rgb", "region"] = "rgb"
+    """rgb: as it looks; region: each Gaussian in the colour of its region."""
+
+    width: PixelsOption = None
+    """Width of each picture; by default the capture's, or 550."""
+
+    height: PixelsOption = None
+    """Height of each picture; by default the capture's, or 802."""
+
+    view: ViewOptions = field(default_factory=ViewOptions)
+    head: HeadSource = field(default_factory=HeadSource)
+    common: Common = field(default_factory=Common)
+
+
+def run(options: Options, console: Console) -> dict[str, Any]:
+    """Draw what was asked for.
+
+    Raises:
+        SachaError: the avatar, its head or the options make no sense.
+        OSError: a file cannot be read or written.
+    """
+    from sacha_core.cli.sources import open_avatar
+    from sacha_core.cli.stage import Stage, coloured_by_region
+
+    if (options.output is None) == (options.video is None):
+        raise OptionError("expected one of the two: -o FILE.png for a picture, --video FILE.mp4 for a video")
+    require_positive(width=options.width, height=options.height)
+    opened = open_avatar(options.avatar, options.head, options.motion)
+    gaussians = opened.avatar.gaussians
+    if options.colour == "region":
+        gaussians = coloured_by_region(gaussians, opened.head)
+    stage = Stage(gaussians, opened.head, opened.avatar.motion)
+    if options.output is not None:
+        return draw_picture(stage, options, options.output, console)
+    assert options.video is not None
+    return draw_video(stage, options, options.video, console)
+
+
+def draw_picture(stage: Stage, options: Options, path: Path, console: Console) -> dict[str, Any]:
+    """Write one frame as an image."""
+    from PIL import Image
+
+    from sacha_core.files import write_aside
+
+    if path.suffix.lower() not in Image.registered_extensions():
+        raise OptionError(f"{path}: expected the name of an image, such as {path.stem}.png")
+    image = stage.draw(options.frame, viewpoints(stage, options, options.frame).cameras(options.frame, 0.0))
+    with write_aside(path) as aside:
+        Image.fromarray(image).save(aside)
+    height, width = image.shape[:2]
+    console.wrote("picture", path, f"{width}x{height}, frame {options.frame} of {len(stage.motion)}")
+    return {"picture": path, "width": width, "height": height, "frame": options.frame}
+
+
+def draw_video(stage: Stage, options: Options, path: Path, console: Console) -> dict[str, Any]:
+    """Write a range of frames as a video."""
+    from sacha_core.cli.video import write_video
+
+    frames = frame_range(options.frames, len(stage.motion))
+    looking = viewpoints(stage, options, frames[0])
+    size = [0, 0]
+
+    def images() -> Iterator[np.ndarray]:
+        for done, frame in enumerate(frames):
+            image = stage.draw(frame, looking.cameras(frame, options.view.orbit * done / len(frames)))
+            size[:] = image.shape[1::-1]
+            console.report(Progress("draw", done + 1, len(frames)))
+            yield image
+
+    step = abs(frames[1] - frames[0]) if len(frames) > 1 else 1
+    write_video(path, images(), stage.motion.frame_rate / step)
+    seconds = len(frames) * step / stage.motion.frame_rate
+    console.wrote("video", path, f"{size[0]}x{size[1]}, {len(frames)} frames, {seconds:.1f} s")
+    return {"video": path, "width": size[0], "height": size[1], "n_frames": len(frames), "duration_s": seconds}
+
+
+def viewpoints(stage: Stage, options: Options, first_frame: int) -> RoundTheHead | ThroughCapture:
+    """Give where the cameras stand."""
+    from sacha_core.cli.cameras import RoundTheHead, ThroughCapture
+    from sacha_core.interchange.capture import read_capture
+
+    view = options.view
+    if view.dataset is not None:
+        return ThroughCapture(read_capture(view.dataset), view.camera, options.width, options.height)
+    width, height = options.width or DEFAULT_SIZE[0], options.height or DEFAULT_SIZE[1]
+    extent = stage.extent(first_frame)
+    return RoundTheHead(extent, width, height, view.azimuth, view.elevation, view.distance, view.focal)
+
+
+def frame_range(text: str, n_frames: int) -> range:
+    """Give the frames that a slice such as `0:100:2` names.
+
+    Raises:
+        OptionError: it is no slice, or names no frame.
+    """
+    parts = text.split(":")
+    try:
+        numbers = [int(part) if part else None for part in parts]
+        chosen = range(n_frames)[slice(*numbers)] if 2 <= len(parts) <= 3 else range(0)
+    except ValueError as error:
+        raise OptionError(f"--frames {text}: expected FROM:TO or FROM:TO:STEP, such as 0:100 or ::2") from error
+    if not chosen:
+        raise OptionError(
+            f"--frames {text} names none of the {n_frames} frames; expected FROM:TO:STEP, such as 0:100 or ::2"
+        )
+    return chosen

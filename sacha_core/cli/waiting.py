@@ -1,0 +1,159 @@
+"""Showing someone who waits how far a long job has come: a bar, JSON lines, or nothing."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from typing import Protocol
+
+from rich.console import Console as Terminal
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+from rich.progress import Progress as RichProgress
+
+from sacha_core.progress import Progress
+
+__all__ = ["Bar", "JsonLines", "Nothing", "PlainLines", "TimeLeft", "Waiting", "duration"]
+
+SECONDS_BETWEEN_LINES = 15.0  # in a log file one line now and then is enough
+SECONDS_BETWEEN_OBJECTS = 0.1  # a program that reads every step would do little else
+
+
+class Waiting(Protocol):
+    """One way of showing progress."""
+
+    def show(self, progress: Progress) -> None:
+        """Show one step."""
+
+    def close(self) -> None:
+        """Leave the terminal as it was."""
+
+
+class TimeLeft:
+    """Guesses how long a stage will still take, from its pace since its first report (a resumed job starts in the middle)."""
+
+    def __init__(self) -> None:
+        self._stage = ""
+        self._since = 0.0
+        self._first = 0
+
+    def seconds(self, progress: Progress) -> float | None:
+        """Give the seconds left in this stage; None while there is no pace to go by."""
+        now = time.monotonic()
+        if progress.stage != self._stage or progress.done < self._first:
+            self._stage, self._since, self._first = progress.stage, now, progress.done
+        steps = progress.done - self._first
+        if progress.done >= progress.total:
+            return 0.0
+        return (now - self._since) / steps * (progress.total - progress.done) if steps > 0 else None
+
+
+class Nothing:
+    """Shows nothing."""
+
+    def show(self, progress: Progress) -> None:
+        """Show nothing."""
+
+    def close(self) -> None:
+        """Nothing was opened."""
+
+
+class JsonLines:
+    """One JSON object a line on stdout: stage, done, total, seconds_left (null while unknown), values."""
+
+    def __init__(self) -> None:
+        self._left = TimeLeft()
+        self._written = -math.inf
+        self._stage = ""
+
+    def show(self, progress: Progress) -> None:
+        """Write one object; steps that follow within a tenth of a second are left out, ends of stages never."""
+        left = self._left.seconds(progress)
+        now = time.monotonic()
+        same = progress.stage == self._stage and progress.done < progress.total
+        if same and now - self._written < SECONDS_BETWEEN_OBJECTS:
+            return
+        self._written, self._stage = now, progress.stage
+        line = {
+            "stage": progress.stage,
+            "done": progress.done,
+            "total": progress.total,
+            "seconds_left": None if left is None else round(left, 1),
+            "values": {name: value if math.isfinite(value) else None for name, value in progress.values.items()},
+        }
+        sys.stdout.write(json.dumps(line, allow_nan=False) + "\n")
+        sys.stdout.flush()
+
+    def close(self) -> None:
+        """Nothing was opened."""
+
+
+class PlainLines:
+    """A line of text on stderr now and then: what a bar becomes where stderr is no terminal."""
+
+    def __init__(self) -> None:
+        self._left = TimeLeft()
+        self._written = time.monotonic()
+
+    def show(self, progress: Progress) -> None:
+        """Write one line if the last is long enough ago."""
+        left = self._left.seconds(progress)
+        now = time.monotonic()
+        if now - self._written < SECONDS_BETWEEN_LINES:
+            return
+        self._written = now
+        sys.stderr.write(f"{progress.stage} {progress.done}/{progress.total}, {_left(left)}{_values(progress)}\n")
+        sys.stderr.flush()
+
+    def close(self) -> None:
+        """Nothing was opened."""
+
+
+class Bar:
+    """A bar for each stage, with the time left and the stage's figures."""
+
+    def __init__(self) -> None:
+        self._left = TimeLeft()
+        self._bars = RichProgress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=28),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[note]}"),
+            console=Terminal(stderr=True),
+        )
+        self._stage = ""
+        self._task = self._bars.add_task("", visible=False, note="")
+
+    def show(self, progress: Progress) -> None:
+        """Draw one step."""
+        note = _left(self._left.seconds(progress)) + _values(progress)
+        if progress.stage != self._stage:
+            self._bars.start()
+            self._stage = progress.stage
+            self._task = self._bars.add_task(progress.stage, total=progress.total, note=note)
+        self._bars.update(self._task, completed=progress.done, total=progress.total, note=note)
+
+    def close(self) -> None:
+        """Stop drawing; finished bars stay to be read."""
+        self._bars.stop()
+
+
+def duration(seconds: float) -> str:
+    """Say a length of time: `8 s`, `3 min 20 s`, `2 h 05 min`."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def _left(seconds: float | None) -> str:
+    if seconds == 0:
+        return "done"
+    return "" if seconds is None else f"{duration(seconds)} left"
+
+
+def _values(progress: Progress) -> str:
+    return "".join(f"  {name} {value:,.6g}" for name, value in progress.values.items())

@@ -1,0 +1,96 @@
+"""Does the tracked head lie where a capture's images show the person?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from PIL import Image
+
+from sacha_core.errors import DatasetError
+from sacha_core.flame.model import HeadModel
+from sacha_core.flame.posing import Poser
+from sacha_core.interchange.capture import Capture, View
+from sacha_core.progress import Progress, Report, silent
+from sacha_core.raster.camera import Camera
+
+__all__ = ["Coverage", "foreground", "mesh_coverage"]
+
+NEARLY_WHITE = 250  # of 255: where a capture has no masks, whatever is darker is taken for the person
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """How much of the posed head one view's mask covers.
+
+    Args:
+        view: the view.
+        inside: fraction of the vertices that project into the mask.
+        in_image: fraction of the vertices that project into the image.
+        mask_area: fraction of the image that the mask covers.
+    """
+
+    view: View
+    inside: float
+    in_image: float
+    mask_area: float
+
+
+def mesh_coverage(
+    capture: Capture, head: HeadModel, views: Sequence[View], report: Report = silent
+) -> tuple[Coverage, ...]:
+    """Project the posed head into views and look whether the masks cover it.
+
+    Every vertex lies inside the outline of the head, hidden ones too, so a good track leaves out only what the capture masks away.
+
+    Args:
+        capture: where the views are from.
+        head: the head that its parameters belong to.
+        views: which to look at.
+        report: told after each view.
+
+    Raises:
+        DatasetError: an image or a mask cannot be decoded.
+    """
+    pose = Poser(head, capture.motion)
+    found = []
+    for done, view in enumerate(views, 1):
+        mask = foreground(capture, view)
+        row, column, in_image = project(pose(view.timestep), view.camera)
+        inside = mask[row[in_image], column[in_image]].sum() / len(row)
+        found.append(Coverage(view, float(inside), float(in_image.mean()), float(mask.mean())))
+        report(Progress("look at views", done, len(views)))
+    return tuple(found)
+
+
+def foreground(capture: Capture, view: View) -> Bool[np.ndarray, "h w"]:
+    """Give where a view shows the person: its mask, or what is not white.
+
+    Raises:
+        DatasetError: the image or the mask cannot be decoded.
+    """
+    image = capture.image(view)
+    if view.mask_path is None:
+        dark: np.ndarray = image.min(axis=2) < NEARLY_WHITE
+        return dark
+    try:
+        with Image.open(view.mask_path) as stored:
+            mask = np.asarray(stored.convert("L"))
+    except (OSError, SyntaxError, ValueError) as error:
+        raise DatasetError(f"{view.mask_path} cannot be decoded: {error}") from error
+    covered: np.ndarray = mask > 127
+    return covered
+
+
+def project(
+    vertices: Float[np.ndarray, "v 3"], camera: Camera
+) -> tuple[np.ndarray, np.ndarray, Bool[np.ndarray, " v"]]:
+    """Give row and column of the pixel that each vertex falls into, and whether it does fall into the image."""
+    seen = vertices.astype(np.float64) @ camera.rotation.T + camera.translation
+    depth = np.where(seen[:, 2] > 0, seen[:, 2], np.inf)
+    column = np.floor(camera.fx * seen[:, 0] / depth + camera.cx).astype(np.int64)
+    row = np.floor(camera.fy * seen[:, 1] / depth + camera.cy).astype(np.int64)
+    in_image = (seen[:, 2] > 0) & (row >= 0) & (row < camera.height) & (column >= 0) & (column < camera.width)
+    return row, column, in_image

@@ -1,0 +1,207 @@
+"""Drawing an avatar as the capture's cameras saw the person, and measuring how far off it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.avatar.motion import DYNAMIC_WIDTHS, Motion
+from sacha_core.errors import DatasetError
+from sacha_core.evaluate.splits import FRAMES, novel_expression_views, novel_view_views
+from sacha_core.flame.model import HeadModel
+from sacha_core.flame.posing import Poser
+from sacha_core.geometry.triangle import TriangleFrames, triangle_frames
+from sacha_core.interchange.capture import Capture, View
+from sacha_core.perception.psnr import psnr
+from sacha_core.perception.ssim import ssim
+from sacha_core.progress import Progress, Report, silent
+from sacha_core.raster.rasteriser import Rasteriser
+from sacha_core.raster.scene import render_avatar
+
+__all__ = ["Evaluation", "ImageScore", "ViewScores", "evaluate_avatar", "evaluation_motion", "score_views"]
+
+
+@dataclass(frozen=True)
+class ImageScore:
+    """How close one drawn image comes to the captured one.
+
+    Args:
+        timestep: of the capture.
+        camera_index: which camera.
+        psnr: decibels, over all pixels.
+        ssim: structural similarity.
+    """
+
+    timestep: int
+    camera_index: int
+    psnr: float
+    ssim: float
+
+
+@dataclass(frozen=True)
+class ViewScores:
+    """Scores of several images.
+
+    Args:
+        images: one score each.
+    """
+
+    images: tuple[ImageScore, ...]
+
+    @property
+    def psnr(self) -> float:
+        """Mean over the images of each one's PSNR, decibels."""
+        return float(np.mean([image.psnr for image in self.images]))
+
+    @property
+    def ssim(self) -> float:
+        """Mean structural similarity."""
+        return float(np.mean([image.ssim for image in self.images]))
+
+    def to_json(self) -> dict[str, Any]:
+        """Give the means and every image's figures."""
+        return {"psnr": self.psnr, "ssim": self.ssim, "images": [asdict(image) for image in self.images]}
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """How an avatar does on what training never saw.
+
+    Args:
+        novel_view: the held-out camera, at training timesteps.
+        novel_expression: held-out timesteps, by all cameras.
+    """
+
+    novel_view: ViewScores
+    novel_expression: ViewScores
+
+
+def score_views(
+    gaussians: Gaussians,
+    head: HeadModel,
+    motion: Motion,
+    capture: Capture,
+    views: Sequence[View],
+    width: int | None = None,
+    height: int | None = None,
+    report: Report = silent,
+    stage: str = "render",
+    rasteriser: Rasteriser | None = None,
+) -> ViewScores:
+    """Draw views of a capture and compare each with its image.
+
+    Args:
+        gaussians: the avatar's.
+        head: the head that they are bound to.
+        motion: frame t is the capture's timestep t.
+        capture: where the views are from.
+        views: what to draw, at least one.
+        width: pixels; the stored width by default.
+        height: pixels; the stored height by default.
+        report: told after each image.
+        stage: what the report calls this.
+        rasteriser: one to use again; a new one by default.
+
+    Returns:
+        Scores in the order of `views`.
+
+    Raises:
+        DatasetError: there are no views, or an image cannot be decoded.
+    """
+    if not views:
+        raise DatasetError(f"{capture.root} has no held-out views to {stage}")
+    rasteriser = rasteriser or Rasteriser()
+    pose = Poser(head, motion)
+
+    @lru_cache(maxsize=1)  # views come in order of timesteps
+    def frames_at(timestep: int) -> TriangleFrames:
+        return triangle_frames(pose(timestep), head.faces)
+
+    scores = []
+    for done, view in enumerate(views, 1):
+        truth = capture.image(view, width, height)
+        camera = view.camera.resized(truth.shape[1], truth.shape[0])
+        drawn = render_avatar(gaussians, frames_at(view.timestep), camera, rasteriser=rasteriser).colour
+        score = ImageScore(view.timestep, view.camera_index, psnr(drawn, truth), ssim(drawn, truth))
+        scores.append(score)
+        report(Progress(stage, done, len(views), {"PSNR": score.psnr}))
+    return ViewScores(tuple(scores))
+
+
+def evaluation_motion(capture: Capture, fitted: Motion | None) -> Motion:
+    """Give the motion that an avatar is judged with.
+
+    The person's own parameters and those of training timesteps are the fitted (or decoded) ones; held-out timesteps are driven by the
+    capture's tracked parameters, which no training may have touched.
+
+    Args:
+        capture: the capture that was trained on.
+        fitted: the avatar's own motion, whose frame t is timestep t; None for an avatar without one.
+
+    Raises:
+        DatasetError: the fitted motion ends before the last training timestep.
+    """
+    tracked = capture.motion
+    if fitted is None:
+        return tracked
+    trained = sorted({view.timestep for view in (*capture.train, *capture.val)})
+    if trained[-1] >= len(fitted):
+        raise DatasetError(
+            f"the avatar's motion has {len(fitted)} frames, but {capture.root} trains on timesteps up to {trained[-1]}; "
+            "is it another capture's?"
+        )
+    mixed = {}
+    for name in ("expression", *DYNAMIC_WIDTHS):
+        values, own = getattr(tracked, name).copy(), getattr(fitted, name)
+        if own.shape[1] != values.shape[1]:
+            raise DatasetError(
+                f"the avatar's motion has {own.shape[1]} numbers of {name} a frame, {capture.root} has {values.shape[1]}"
+            )
+        values[trained] = own[trained]
+        mixed[name] = values
+    return replace(tracked, shape=fitted.shape, static_offset=fitted.static_offset, **mixed)
+
+
+def evaluate_avatar(
+    gaussians: Gaussians,
+    head: HeadModel,
+    capture: Capture,
+    fitted: Motion | None = None,
+    width: int | None = None,
+    height: int | None = None,
+    limit: int = FRAMES,
+    report: Report = silent,
+) -> Evaluation:
+    """Judge an avatar on the held-out camera and the held-out timesteps of its capture.
+
+    Args:
+        gaussians: the avatar's.
+        head: the head that they are bound to.
+        capture: the capture that was trained on.
+        fitted: the avatar's own motion; see `evaluation_motion`.
+        width: pixels; the stored width by default.
+        height: pixels; the stored height by default.
+        limit: at most so many images for each of the two.
+        report: told after each image.
+
+    Raises:
+        DatasetError: a split is empty, an image cannot be decoded, or the motion is another capture's.
+
+    Source: SACHA, experiments.
+    """
+    motion = evaluation_motion(capture, fitted)
+    rasteriser = Rasteriser()
+    chosen = {
+        "novel view": novel_view_views(capture, limit),
+        "novel expression": novel_expression_views(capture, limit),
+    }
+    scores = [
+        score_views(gaussians, head, motion, capture, views, width, height, report, stage, rasteriser)
+        for stage, views in chosen.items()
+    ]
+    return Evaluation(*scores)
