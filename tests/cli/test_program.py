@@ -1,0 +1,230 @@
+"""The frame round every command: exit statuses, one-line errors, reports, and how quickly it all starts."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sacha_core import __version__
+from sacha_core.cli import main, program
+from sacha_core.cli.commands import COMMANDS, Command
+from sacha_core.cli.common import Common
+from sacha_core.errors import DatasetError, FormatError
+from sacha_core.progress import Progress
+
+IMPORT_SECONDS = 0.3  # the promise of the design
+HELP_SECONDS = 1.0  # half a second on an idle machine; the checks share two cores
+
+
+@dataclass(frozen=True)
+class Options:
+    """Do something."""
+
+    common: Common = field(default_factory=Common)
+
+
+Fake = Callable[[Callable[..., dict[str, Any]]], None]
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> Fake:
+    """Install a command `fake` that does what a test says."""
+
+    def install(work: Callable[..., dict[str, Any]]) -> None:
+        module = ModuleType("sacha_core.cli.fake")
+        module.Options = Options
+        module.run = lambda _, console: work(console)
+        monkeypatch.setitem(sys.modules, "sacha_core.cli.fake", module)
+        monkeypatch.setitem(COMMANDS, "fake", Command("fake", "Do something."))
+
+    return install
+
+
+def raising(error: BaseException) -> Callable[..., dict[str, Any]]:
+    def work(console: object) -> dict[str, Any]:
+        raise error
+
+    return work
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (FormatError("not a\n  SACHA file", offset=7), "not a SACHA file (at byte 7)"),
+        (DatasetError("x.png is missing"), "x.png is missing"),
+        (FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), "a.sacha"), "a.sacha: no such file or directory"),
+        (PermissionError(errno.EACCES, os.strerror(errno.EACCES), "b"), "b: permission denied"),
+        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), "no space left on device"),
+        (ModuleNotFoundError("No module", name="torch"), "needs the package torch: pip install 'sacha[train]'"),
+    ],
+)
+def test_what_a_user_can_put_right_is_one_line_and_exit_2(
+    fake: Fake, capsys: pytest.CaptureFixture[str], error: Exception, line: str
+) -> None:
+    fake(raising(error))
+    assert main(["fake"]) == 2
+    captured = capsys.readouterr()
+    assert captured.err == f"sacha fake: {line}\n"
+    assert not captured.out
+
+
+def test_a_bug_is_not_hidden(fake: Fake) -> None:
+    fake(raising(ZeroDivisionError("oops")))
+    with pytest.raises(ZeroDivisionError):
+        main(["fake"])
+    fake(raising(ModuleNotFoundError("No module", name="sacha_core.nowhere")))
+    with pytest.raises(ModuleNotFoundError):
+        main(["fake"])
+
+
+def test_interruption_is_130(fake: Fake, capsys: pytest.CaptureFixture[str]) -> None:
+    fake(raising(KeyboardInterrupt()))
+    assert main(["fake"]) == 130
+    assert capsys.readouterr().err == "sacha fake: interrupted\n"
+
+
+@pytest.mark.parametrize("arguments", [["fake", "--nonsense"], ["fake", "--progress", "loud"], ["nonsense"]])
+def test_wrong_arguments_are_exit_2(fake: Fake, capsys: pytest.CaptureFixture[str], arguments: list[str]) -> None:
+    fake(raising(AssertionError("must not run")))
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.err
+    assert "Traceback" not in captured.err
+
+
+def test_help_lists_every_public_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    text = capsys.readouterr().out
+    for name, command in COMMANDS.items():
+        if command.summary:
+            assert f"• {name} " in text
+            assert " ".join(command.summary.split()[:3]) in text
+    assert "scene" not in text
+
+
+def test_report_is_written_whole_with_nulls_for_what_json_cannot_say(
+    fake: Fake, tmp_path: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fake(lambda _: {"psnr": float("inf"), "counts": np.arange(3), "where": tmp_path, "mean": np.float32(0.5)})
+    report = tmp_path / "reports" / "r.json"
+    assert main(["fake", "--json", str(report)]) == 0
+    found = json.loads(report.read_text())
+    assert found.pop("seconds") >= 0
+    assert found == {"command": "fake", "psnr": None, "counts": [0, 1, 2], "where": str(tmp_path), "mean": 0.5}
+    assert [path.name for path in report.parent.iterdir()] == ["r.json"]
+    assert str(report) in capsys.readouterr().out
+
+
+def test_a_report_that_cannot_be_written_is_exit_2(
+    fake: Fake, tmp_path: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fake(lambda _: {})
+    (tmp_path / "file").write_text("")
+    assert main(["fake", "--json", str(tmp_path / "file" / "r.json")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_json_progress_leaves_stdout_to_objects(fake: Fake, capsys: pytest.CaptureFixture[str]) -> None:
+    def work(console: Any) -> dict[str, Any]:
+        for done in range(1, 4):
+            console.report(Progress("count", done, 3, {"loss": float("nan"), "n": 2.0}))
+        console.say("a result for people")
+        return {}
+
+    fake(work)
+    assert main(["fake", "--progress", "json"]) == 0
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert lines[0] == {
+        "stage": "count",
+        "done": 1,
+        "total": 3,
+        "seconds_left": None,
+        "values": {"loss": None, "n": 2.0},
+    }
+    assert lines[-1]["done"] == 3
+    assert lines[-1]["seconds_left"] == 0
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"sacha {__version__}\n"
+
+
+def test_one_line_of_a_system_error_without_a_message() -> None:
+    assert program.one_line(OSError("plain words")) == "plain words"
+
+
+def python(code: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+
+
+def test_importing_the_front_door_is_light_and_quick() -> None:
+    heavy = "torch numba trimesh constriction matplotlib scipy tyro rich"
+    found = python(
+        "import time; start = time.perf_counter(); import sacha_core; seconds = time.perf_counter() - start; "
+        f"import sys; print(seconds, *[m for m in {heavy.split()!r} if m in sys.modules])"
+    ).stdout.split()
+    assert found[1:] == []
+    seconds = [float(found[0])]
+    seconds += [
+        float(python("import time; s = time.perf_counter(); import sacha_core; print(time.perf_counter() - s)").stdout)
+        for _ in range(4)
+    ]
+    assert statistics.median(seconds) < IMPORT_SECONDS
+
+
+def test_help_is_quick() -> None:
+    seconds = []
+    for _ in range(3):
+        start = time.perf_counter()
+        python("import sys; from sacha_core.cli import main; sys.exit(main(['--help']))")
+        seconds.append(time.perf_counter() - start)
+    assert statistics.median(seconds) < HELP_SECONDS
+
+
+def test_a_reader_that_leaves_gets_no_traceback() -> None:
+    command = f"{sys.executable} -m sacha_core --help | true; exit ${{PIPESTATUS[0]}}"
+    found = subprocess.run(["/bin/bash", "-c", command], capture_output=True, text=True, check=False, timeout=60)
+    assert "Traceback" not in found.stderr
+
+
+def test_termination_unwinds(tmp_path: Any) -> None:
+    """SIGTERM removes what `write_aside` holds, as Ctrl-C does."""
+    code = (
+        "import os, signal, sys; from types import ModuleType, SimpleNamespace\n"
+        "from sacha_core.cli import main; from sacha_core.cli.commands import COMMANDS, Command\n"
+        "from sacha_core.files import write_aside; import tests_fake\n"
+        "COMMANDS['fake'] = Command('fake', None); sys.modules['sacha_core.cli.fake'] = tests_fake\n"
+        "sys.argv = ['sacha', 'fake']; sys.exit(main())\n"
+    )
+    (tmp_path / "tests_fake.py").write_text(
+        "from __future__ import annotations\n"
+        "import os, signal, time\nfrom dataclasses import dataclass, field\n"
+        "from sacha_core.cli.common import Common\nfrom sacha_core.files import write_aside\n"
+        "@dataclass(frozen=True)\nclass Options:\n    common: Common = field(default_factory=Common)\n"
+        "def run(options, console):\n"
+        "    with write_aside('half.bin') as aside:\n"
+        "        aside.write_bytes(b'half')\n"
+        "        os.kill(os.getpid(), signal.SIGTERM)\n"
+        "        time.sleep(10)\n"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+    )  # fmt: skip
+    assert found.returncode == 130, found.stderr
+    assert found.stderr == "sacha fake: interrupted\n"
+    assert [path.name for path in tmp_path.iterdir() if "half" in path.name] == []
