@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One command of the engine, running in a process of its own while Blender stays free. Knows nothing of Blender."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import Enum, auto
+from pathlib import Path
+from typing import IO
+
+__all__ = ["Job", "Outcome", "start_job"]
+
+GRACE_S = 5.0  # between asking a worker to stop and ending it
+TICK_S = 0.05  # how often a waiting caller looks
+PRINTED, LOG = "printed.jsonl", "log.txt"  # the worker's stdout and stderr, in the job's folder
+BLENDER_ONLY = ("PYTHONHOME", "PYTHONPATH")  # point at Blender's own Python, which is not the worker's
+
+
+class Outcome(Enum):
+    """Where a job stands."""
+
+    RUNNING = auto()
+    FINISHED = auto()
+    FAILED = auto()
+    CANCELLED = auto()
+    OUT_OF_TIME = auto()
+
+
+@dataclass
+class Job:
+    """A worker process, its folder, and what it last said.
+
+    Args:
+        process: the worker, leader of a session of its own.
+        folder: its working folder, removed by `remove`; what it prints lies there, and its results if the command is told so.
+        output: read end of the progress that the worker writes, one JSON object a line.
+        time_limit_s: how long it may take.
+        stage: what it is doing, in its own words.
+        done: steps of that stage finished.
+        total: steps of that stage; 0 where nothing was said yet.
+    """
+
+    process: subprocess.Popen[bytes]
+    folder: Path
+    output: IO[bytes]
+    time_limit_s: float
+    stage: str = ""
+    done: int = 0
+    total: int = 0
+    started_s: float = field(default_factory=time.monotonic)
+    _unfinished_line: bytes = b""
+    _stop_asked_s: float | None = None
+    _outcome: Outcome = Outcome.RUNNING
+
+    @property
+    def fraction(self) -> float:
+        """Part of the present stage that is done, 0 to 1."""
+        return self.done / self.total if self.total else 0.0
+
+    def poll(self) -> Outcome:
+        """Take in new progress, hold the worker to its limits, and say where the job stands."""
+        if self._outcome is not Outcome.RUNNING:
+            return self._outcome
+        code = self.process.poll()
+        self._read_progress()
+        now_s = time.monotonic()
+        if code is None:
+            if self._stop_asked_s is None and now_s - self.started_s > self.time_limit_s:
+                self.ask_to_stop()
+            elif self._stop_asked_s is not None and now_s - self._stop_asked_s > GRACE_S:
+                self._signal(kill=True)
+            return Outcome.RUNNING
+        self.output.close()
+        if code == 0:
+            self._outcome = Outcome.FINISHED
+        elif self._stop_asked_s is None:
+            self._outcome = Outcome.FAILED
+        elif self._stop_asked_s - self.started_s > self.time_limit_s:
+            self._outcome = Outcome.OUT_OF_TIME
+        else:
+            self._outcome = Outcome.CANCELLED
+        return self._outcome
+
+    def wait(self) -> Outcome:
+        """Poll until the worker has ended; never longer than its time limit and the grace."""
+        while self.poll() is Outcome.RUNNING:
+            time.sleep(TICK_S)
+        return self._outcome
+
+    def ask_to_stop(self) -> None:
+        """Ask the worker to end; `poll` ends it by force if it has not done so in time."""
+        if self._stop_asked_s is None:
+            self._stop_asked_s = time.monotonic()
+            self._signal(kill=False)
+
+    def end_now(self) -> None:
+        """End the worker by force and wait until it is gone: Blender is about to close."""
+        self.ask_to_stop()
+        self._signal(kill=True)
+        self.process.wait()
+        self.poll()
+
+    def complaint(self) -> str:
+        """Say why the job did not finish, in one line."""
+        if self._outcome is Outcome.CANCELLED:
+            return "Cancelled"
+        if self._outcome is Outcome.OUT_OF_TIME:
+            return f"Stopped: it took longer than {self.time_limit_s:g} s"
+        log = (self.folder / LOG).read_text(errors="replace")
+        if "No module named sacha_core" in log or "No module named 'sacha_core'" in log:
+            return f"{self.process.args[0]} has no SACHA engine: install it there with pip"
+        lines = [line.strip() for line in log.splitlines() if line.strip()]
+        return lines[-1] if lines else f"The engine ended with code {self.process.returncode} and said nothing"
+
+    def printed(self) -> str:
+        """Give all that the worker wrote to its standard output."""
+        return (self.folder / PRINTED).read_text(errors="replace")
+
+    def remove(self) -> None:
+        """Remove the job's folder."""
+        shutil.rmtree(self.folder)
+
+    def _read_progress(self) -> None:
+        """Take in what the worker has written since the last time; a line that is not whole yet waits."""
+        *lines, self._unfinished_line = (self._unfinished_line + self.output.read()).split(b"\n")
+        for line in lines:
+            try:
+                said = json.loads(line)
+                stage, done, total = str(said["stage"]), int(said["done"]), int(said["total"])
+            except (ValueError, KeyError, TypeError):
+                continue  # a library of the worker printed something: not progress
+            self.stage, self.done, self.total = stage, done, total
+
+    def _signal(self, *, kill: bool) -> None:
+        """Tell the worker, and on POSIX whatever it started, to end."""
+        if self.process.poll() is not None:
+            return
+        if os.name == "posix":
+            os.killpg(self.process.pid, signal.SIGKILL if kill else signal.SIGTERM)
+        elif kill:
+            self.process.kill()
+        else:
+            self.process.terminate()
+
+
+def start_job(command: Callable[[Path], list[str]], time_limit_s: float) -> Job:
+    """Start a command in a new folder, detached from Blender's input and signals.
+
+    Args:
+        command: gives program and arguments, given the job's folder.
+        time_limit_s: how long it may take.
+
+    Returns:
+        The running job.
+
+    Raises:
+        OSError: the program cannot be started, or no folder can be made.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="sacha-"))
+    environment = {name: value for name, value in os.environ.items() if name not in BLENDER_ONLY}
+    printed = folder / PRINTED
+    try:
+        with printed.open("wb") as stdout, (folder / LOG).open("wb") as stderr:
+            process = subprocess.Popen(  # noqa: S603  (the program is the user's own choice; no shell is involved)
+                command(folder),
+                stdin=subprocess.DEVNULL,
+                stdout=stdout,
+                stderr=stderr,
+                cwd=folder,
+                env=environment,
+                start_new_session=True,
+            )
+    except OSError:
+        shutil.rmtree(folder)
+        raise
+    return Job(process, folder, printed.open("rb"), time_limit_s)

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Opening a file: the engine reads it and says what each triangle is and carries; here it becomes a mesh."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+from bpy.props import StringProperty
+from bpy_extras.io_utils import ImportHelper
+
+from . import bridge, engine, preferences, running, settings
+from .job import Job
+from .scene_folder import SceneFolder, read_scene_folder
+
+__all__ = ["CLASSES", "SUFFIXES"]
+
+SUFFIXES = (".sacha", ".npz", ".pkl", ".ply", ".obj")
+
+
+class SachaOpen(bpy.types.Operator, ImportHelper):
+    """Show an avatar or a head as a mesh whose triangles carry their region and number of Gaussians."""
+
+    bl_idname = "sacha.open"
+    bl_label = "Open in SACHA"
+    bl_description = (
+        "Show an avatar (.sacha, bound .ply) or a head (.npz, .pkl, .obj, .ply) as a mesh with regions and counts"
+    )
+    bl_options = {"UNDO"}  # noqa: RUF012  (Blender reads it as it is)
+
+    filter_glob: StringProperty(default=";".join(f"*{suffix}" for suffix in SUFFIXES), options={"HIDDEN"})
+    head: StringProperty(
+        name="Head",
+        description="Head model that the file is bound to; where empty, the one of the scene's settings",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
+    wait: running.wait_property()
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask for the file, unless one was dropped on the window."""
+        self.wait = False
+        return (
+            self.execute(context) if self.filepath and Path(self.filepath).is_file() else super().invoke(context, event)
+        )
+
+    def work(self, context: bpy.types.Context) -> running.Work:
+        """Let the engine read the file, then show it."""
+        source = Path(bpy.path.abspath(self.filepath)).absolute()
+        head = self.head or context.scene.sacha.head
+        given = ["--head", absolute_head(head)] if head else []
+        python = preferences.engine_python(context)
+
+        def finish(job: Job) -> str:
+            opened = read_scene_folder(job.folder / "scene")
+            show(context, opened, source)
+            for note in opened.notes:
+                self.report({"WARNING"}, note)
+            return f"Opened {source.name}: {', '.join(opened.facts)}"
+
+        return running.Work(
+            f"Opening {source.name}",
+            lambda folder: engine.command(python, "scene", source, "--out", folder / "scene", *given),
+            finish,
+        )
+
+    execute = running.execute
+    modal = running.modal
+    cancel = running.cancel
+
+
+def absolute_head(named: str) -> str:
+    """Give a head's path in full; a name that the engine knows (`synthetic`) stays as it is."""
+    return named if named.startswith("synthetic") else str(Path(bpy.path.abspath(named)).absolute())
+
+
+def show(context: bpy.types.Context, opened: SceneFolder, source: Path) -> bpy.types.Object:
+    """Put an opened file into the scene, as the active object.
+
+    Raises:
+        ValueError: Blender cannot hold its triangles.
+    """
+    mesh = bridge.new_mesh(opened.name, opened.vertices, opened.faces)
+    if opened.uv is not None:
+        bridge.texture_coordinates(mesh, "uv", opened.uv)
+    for view in opened.views:
+        bridge.face_integers(mesh, view.name, view.values)
+        bridge.corner_colours(mesh, settings.colour_attribute(view.name), view.colours)
+    _describe(mesh.sacha, opened, source)
+
+    shown = bpy.data.objects.new(opened.name, mesh)
+    context.collection.objects.link(shown)
+    for other in context.selected_objects:
+        other.select_set(False)
+    shown.select_set(True)
+    context.view_layer.objects.active = shown
+    _show_colours_in_views(context)
+    return shown
+
+
+def _describe(shown: settings.SachaShown, opened: SceneFolder, source: Path) -> None:
+    """Keep with the mesh what its colours mean and where it comes from."""
+    shown.source, shown.kind, shown.head = str(source), opened.kind, opened.head
+    for fact in opened.facts:
+        shown.facts.add().name = fact
+    for view in opened.views:
+        for told in view.legend:
+            line = shown.legend.add()
+            line.view, line.name, line.colour = view.name, told["label"], told["colour"]
+            line.triangles, line.gaussians = told.get("triangles", 0), told.get("gaussians", 0)
+    if opened.views:
+        shown.view = opened.views[0].name.upper()
+
+
+def _show_colours_in_views(context: bpy.types.Context) -> None:
+    """Let the 3D views of the window, where they are shaded solid, show the colours of triangles."""
+    if context.screen is None:
+        return
+    for area in context.screen.areas:
+        if area.type == "VIEW_3D" and area.spaces.active.shading.type == "SOLID":
+            area.spaces.active.shading.color_type = "VERTEX"
+
+
+class SachaDrop(bpy.types.FileHandler):
+    """Opens avatars that are dropped on a 3D view."""
+
+    bl_idname = "SACHA_FH_open"
+    bl_label = "SACHA avatar"
+    bl_import_operator = "sacha.open"
+    bl_file_extensions = ".sacha"
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context) -> bool:
+        """Only a 3D view shows an avatar."""
+        return context.area is not None and context.area.type == "VIEW_3D"
+
+
+CLASSES = (SachaOpen, SachaDrop)

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How operators run the engine: in a window beside the user's work, with progress and cancel; in scripts until it is done.
+
+An operator that runs the engine has a method `work(context)` that gives its `Work`, a property `wait`, and
+`execute = running.execute`, `modal = running.modal`, `cancel = running.cancel`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty
+
+from . import preferences
+from .engine import EngineMissingError
+from .job import Job, Outcome, start_job
+
+__all__ = ["CLASSES", "Work", "cancel", "end_now", "execute", "modal", "now", "wait_property"]
+
+TICK_S = 0.25  # how often a window looks at a running job
+
+
+@dataclass(frozen=True)
+class Work:
+    """One command of the engine and what follows it.
+
+    Args:
+        title: what the user is told is being done.
+        command: gives program and arguments, given the job's folder.
+        finish: takes over the results; gives the line that tells the user what was done. A ValueError is the user's to read.
+    """
+
+    title: str
+    command: Callable[[Path], list[str]]
+    finish: Callable[[Job], str]
+
+
+@dataclass(frozen=True)
+class Running:
+    """A job that a window is watching."""
+
+    work: Work
+    job: Job
+    timer: bpy.types.Timer
+
+
+_running: list[Running] = []  # one at most: a second command would wait for the same cores
+
+
+def now() -> Running | None:
+    """Give the job that a window is watching, if there is one."""
+    return _running[0] if _running else None
+
+
+def wait_property() -> BoolProperty:
+    """Make the property by which scripts say whether to wait; windows do not."""
+    return BoolProperty(
+        name="Wait", description="Return only when it is done", default=True, options={"HIDDEN", "SKIP_SAVE"}
+    )
+
+
+def execute(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]:
+    """Start an operator's work; see it through, or leave it to `modal`."""
+    if _running:
+        operator.report({"ERROR"}, f"Still busy: {_running[0].work.title}")
+        return {"CANCELLED"}
+    try:
+        work = operator.work(context)
+        job = start_job(work.command, preferences.time_limit_s(context))
+    except (EngineMissingError, OSError, ValueError) as error:
+        operator.report({"ERROR"}, str(error))
+        return {"CANCELLED"}
+    if operator.wait or bpy.app.background:
+        job.wait()
+        return _conclude(operator, work, job)
+    timer = context.window_manager.event_timer_add(TICK_S, window=context.window)
+    _running.append(Running(work, job, timer))
+    context.window_manager.modal_handler_add(operator)
+    return {"RUNNING_MODAL"}
+
+
+def modal(operator: bpy.types.Operator, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+    """Look at the job at each tick; every other event goes to whom it is meant for."""
+    if event.type != "TIMER":
+        return {"PASS_THROUGH"}
+    _redraw(context)
+    running = _running[0]
+    if running.job.poll() is Outcome.RUNNING:
+        return {"PASS_THROUGH"}
+    _forget(context)
+    return _conclude(operator, running.work, running.job)
+
+
+def cancel(operator: bpy.types.Operator, context: bpy.types.Context) -> None:  # noqa: ARG001  (Blender's signature)
+    """End the job of an operator whose window closes."""
+    end_now()
+
+
+def end_now() -> None:
+    """End what is running and its timer: a timer that outlives Blender's window can keep the process alive for ever."""
+    if _running:
+        job = _running[0].job
+        _forget(bpy.context)
+        job.end_now()
+        job.remove()
+
+
+def _forget(context: bpy.types.Context) -> None:
+    context.window_manager.event_timer_remove(_running.pop().timer)
+
+
+def _conclude(operator: bpy.types.Operator, work: Work, job: Job) -> set[str]:
+    """Take over what the engine left, or say why it left nothing."""
+    try:
+        if job.poll() is not Outcome.FINISHED:
+            severity = "WARNING" if job.poll() is Outcome.CANCELLED else "ERROR"
+            operator.report({severity}, job.complaint())
+            return {"CANCELLED"}
+        operator.report({"INFO"}, work.finish(job))
+    except (EngineMissingError, ValueError, OSError) as error:
+        operator.report({"ERROR"}, str(error))
+        return {"CANCELLED"}
+    finally:
+        job.remove()
+    return {"FINISHED"}
+
+
+def _redraw(context: bpy.types.Context) -> None:
+    """Draw the sidebars anew, where progress is shown."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+class SachaCancel(bpy.types.Operator):
+    """Stop the job that a window is watching."""
+
+    bl_idname = "sacha.cancel"
+    bl_label = "Cancel"
+    bl_description = "Stop what the engine is doing; nothing is written"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:  # noqa: ARG003  (Blender's signature)
+        """There must be something to stop."""
+        return bool(_running)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:  # noqa: ARG002  (Blender's signature)
+        """Ask the worker to end; the window that watches it sees it go."""
+        _running[0].job.ask_to_stop()
+        return {"FINISHED"}
+
+
+CLASSES = (SachaCancel,)

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the engine's command `scene` leaves in a folder: a head as arrays, and a legend. Knows nothing of Blender."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+__all__ = ["SceneFolder", "View", "read_scene_folder"]
+
+
+@dataclass(frozen=True)
+class View:
+    """One number a triangle, its colours, and what they mean.
+
+    Args:
+        name: of the attribute, "region" or "count".
+        values: (f,) int32.
+        colours: (f, 4) float32 linear RGBA, a view of `values`.
+        legend: lines of the legend, top to bottom: `label`, `colour` (linear RGB), and for regions `triangles` and `gaussians`.
+    """
+
+    name: str
+    values: np.ndarray
+    colours: np.ndarray
+    legend: list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class SceneFolder:
+    """One head as the engine sees it; axes y up, metres.
+
+    Args:
+        name: what to call it.
+        kind: "avatar", "head" or "mesh".
+        vertices: (v, 3) float32.
+        faces: (f, 3) int32.
+        uv: (f, 3, 2) float32 texture coordinates at corners, or None.
+        views: what can be shown on it; none where its regions are not known.
+        facts: lines that say what it is (number of Gaussians, bytes, frames).
+        notes: what the user should know, one line each.
+        head: where the engine found its head model, or its name.
+    """
+
+    name: str
+    kind: str
+    vertices: np.ndarray
+    faces: np.ndarray
+    uv: np.ndarray | None
+    views: list[View]
+    facts: list[str]
+    notes: list[str]
+    head: str
+
+
+def read_scene_folder(folder: Path) -> SceneFolder:
+    """Read what the engine left in `folder`."""
+    told = json.loads((folder / "scene.json").read_text(encoding="utf-8"))
+
+    def array(name: str) -> np.ndarray:
+        return np.load(folder / f"{name}.npy", allow_pickle=False)
+
+    views = [View(name, array(name), array(f"{name}_colour"), legend) for name, legend in told["views"].items()]
+    return SceneFolder(
+        told["name"],
+        told["kind"],
+        array("vertices"),
+        array("faces"),
+        array("uv") if (folder / "uv.npy").exists() else None,
+        views,
+        told["facts"],
+        told["notes"],
+        told["head"],
+    )

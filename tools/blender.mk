@@ -1,0 +1,12 @@
+# Blender: `make addon` builds and validates dist/sacha-blender-VERSION.zip; `make test-blender` tests it inside each supported Blender.
+.PHONY: addon test-blender
+
+# Blender 4.5 and 5.0 are built for Python 3.11, whatever the engine runs with.
+BLENDER_PYTHON ?= $(shell command -v python3.11 || echo $(PYTHON))
+
+addon:
+	$(BLENDER_PYTHON) tools/blender_env.py
+	$(BLENDER_PYTHON) tools/build_addon.py
+
+test-blender: install
+	$(BLENDER_PYTHON) tools/test_blender.py
