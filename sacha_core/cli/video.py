@@ -38,8 +38,9 @@ def write_video(path: Path, images: Iterable[UInt8[np.ndarray, "h w 3"]], frame_
         stream = container.add_stream(CODEC, rate=Fraction(frame_rate).limit_denominator(1000))
         stream.pix_fmt = "yuv420p"
         stream.options = {"crf": QUALITY}
-        for image in images:
+        for count, image in enumerate(images):
             even = np.pad(image, ((0, image.shape[0] % 2), (0, image.shape[1] % 2), (0, 0)), mode="edge")
-            stream.height, stream.width = even.shape[:2]
+            if count == 0:
+                stream.height, stream.width = even.shape[:2]
             container.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(even), format="rgb24")))
         container.mux(stream.encode(None))
