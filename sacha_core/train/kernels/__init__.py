@@ -1,0 +1,1 @@
+"""Compiled loops of training: serial over a fixed range, without the interpreter's lock."""
