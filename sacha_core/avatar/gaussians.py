@@ -68,7 +68,7 @@ class Gaussians:
                 continue
             if len(value) != n:
                 raise FormatError(f"{f.name} has {len(value)} rows, expected {n} (one for each binding)")
-            finite = np.isfinite(value).reshape(n, -1).all(axis=1)
+            finite = np.isfinite(value).all(axis=tuple(range(1, value.ndim)))
             if not finite.all():
                 raise FormatError(f"{f.name} of Gaussian {int(np.argmin(finite))} is not finite")
         if self.sh_rest.shape[1] not in (0, 3, 8, 15):

@@ -77,7 +77,7 @@ class Motion:
                 continue
             if f.name not in STATIC and len(value) != len(self):
                 raise FormatError(f"motion parameter {f.name} has {len(value)} frames, expected {len(self)}")
-            finite = np.isfinite(value).reshape(len(value), -1).all(axis=1)
+            finite = np.isfinite(value).all(axis=tuple(range(1, value.ndim)))
             if not finite.all():
                 raise FormatError(f"motion parameter {f.name} is not finite at row {int(np.argmin(finite))}")
         if not (np.isfinite(self.frame_rate) and 0 < self.frame_rate <= 1000):

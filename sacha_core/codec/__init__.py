@@ -1,1 +1,9 @@
-"""The .sacha file: container, entropy coding, quantisation, one file for each section of the stream."""
+"""The codec: an avatar and its motion as one `.sacha` file; FORMAT.md is the specification."""
+
+from __future__ import annotations
+
+from sacha_core.codec.decoder import decode, embedded_head
+from sacha_core.codec.encoder import encode
+from sacha_core.codec.inspection import Inspection, SectionSize, inspect
+
+__all__ = ["Inspection", "SectionSize", "decode", "embedded_head", "encode", "inspect"]

@@ -1,0 +1,189 @@
+"""An avatar into the bytes of a `.sacha` file.
+
+Source: own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from sacha_core.avatar.avatar import Avatar
+from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.codec import levels as rules
+from sacha_core.codec.colour import encode_colour
+from sacha_core.codec.container import Section, pack_sections
+from sacha_core.codec.counts import encode_counts
+from sacha_core.codec.harmonics import encode_harmonics
+from sacha_core.codec.head import encode_head
+from sacha_core.codec.header import Header, number_budget
+from sacha_core.codec.levels import Level, level_named
+from sacha_core.codec.motion import encode_motion
+from sacha_core.codec.opacity import encode_opacity, opacity_index, opacity_table
+from sacha_core.codec.order import Layout
+from sacha_core.codec.position import encode_position
+from sacha_core.codec.rotation import encode_rotation, sort_axes
+from sacha_core.codec.scale import classes_of, encode_scale
+from sacha_core.codec.static import encode_static
+from sacha_core.codec.steps import StepRule
+from sacha_core.errors import FormatError, HeadError, OptionError
+from sacha_core.flame.model import HeadModel
+
+__all__ = ["GROUP_FRAMES", "encode"]
+
+GROUP_FRAMES = 100  # 4 s at 25 frames a second
+VISIBLE = np.log((1 / 255) / (1 - 1 / 255))  # rasterisers skip what covers less than one step of 8 bits
+MAX_POSITION = 2.0**15  # triangle units; real avatars stay below 100
+MIN_LOG_SCALE, MAX_LOG_SCALE = -40.0, 40.0
+MAX_COLOUR = 2.0**12
+BOUNDS = {"position": MAX_POSITION, "sh_dc": MAX_COLOUR, "sh_rest": MAX_COLOUR}
+SCALE_FLOOR_AXES = (1, 2)
+
+
+def encode(
+    avatar: Avatar,
+    level: int = 2,
+    *,
+    head: HeadModel | None = None,
+    embed_head: bool = False,
+    drop_invisible: bool = True,
+    group_frames: int = GROUP_FRAMES,
+) -> bytes:
+    """Compress an avatar.
+
+    Args:
+        avatar: what to compress; its sensitivity logits are not sent.
+        level: 1 (smallest) to 4 (best).
+        head: the head model that it is bound to; only checked against the reference, unless it is embedded.
+        embed_head: add the head model itself to the file.
+        drop_invisible: leave out Gaussians whose opacity is below 1/255, which no renderer draws.
+        group_frames: frames in a group of the motion, at whose starts decoding can begin (1 to 65535).
+
+    Returns:
+        The bytes of the file; the same avatar and options give the same bytes.
+
+    Raises:
+        FormatError: the avatar is not finite, bound outside its head, or has values beyond what the format holds.
+        HeadError: `head` is not the one that the avatar names, or is missing where it shall be embedded.
+        OptionError: an option is out of range.
+    """
+    chosen = level_named(level)
+    if not 1 <= group_frames <= 65535:
+        raise OptionError(f"group_frames is {group_frames}, expected 1 to 65535")
+    check_head(avatar, head, embed_head)
+    avatar.gaussians.validate(avatar.head.n_faces)
+    gaussians = avatar.gaussians
+    if drop_invisible:
+        gaussians = gaussians.select(gaussians.opacity_logit >= VISIBLE)
+    check_range(gaussians)
+    sections = encode_gaussians(gaussians, avatar.head.n_faces, chosen)
+    header = Header(chosen.number, len(gaussians), gaussians.sh_degree, avatar.head, avatar.scheme)
+    if avatar.motion is not None:
+        header, motion_sections = add_motion(header, avatar, chosen, group_frames)
+        sections = [motion_sections[0], *sections, motion_sections[1]]
+    if embed_head and head is not None:
+        sections.append(Section("head", encode_head(head)))
+    return pack_sections(pad([Section("Header", header.pack()), *sections], header.n_numbers))
+
+
+def check_head(avatar: Avatar, head: HeadModel | None, embed_head: bool) -> None:
+    """Check that `head` is the avatar's, and there where it is to be embedded."""
+    if embed_head and head is None:
+        raise HeadError(f"to embed the head {avatar.head.name!r} it has to be given")
+    if head is not None and head.reference.sha256 != avatar.head.sha256:
+        raise HeadError(f"the avatar is bound to head {avatar.head.name!r}, another one, {head.name!r}, was given")
+
+
+def check_range(gaussians: Gaussians) -> None:
+    """Check that values are within what the format holds.
+
+    Raises:
+        FormatError: naming the attribute, the first offender and the range.
+    """
+    for name, bound in BOUNDS.items():
+        value = np.abs(getattr(gaussians, name))
+        largest = value.max(axis=tuple(range(1, value.ndim)), initial=0)
+        if largest.max(initial=0) > bound:
+            row = int(np.argmax(largest > bound))
+            raise FormatError(f"{name} of Gaussian {row} is {largest[row]:g}; the format holds up to {bound:g}")
+
+
+def encode_gaussians(gaussians: Gaussians, n_faces: int, level: Level) -> list[Section]:
+    """Code all attributes, each after those that its steps follow."""
+    index = opacity_index(gaussians.opacity_logit, level.opacity_steps)
+    log_scale, quaternion = sort_axes(gaussians.log_scale, gaussians.quaternion)
+    log_scale = raise_thin_axes(log_scale, level.max_thinness)
+    order = np.lexsort((*gaussians.position.T, *log_scale.T[::-1], -index, gaussians.binding))
+    gaussians, index, log_scale, quaternion = gaussians.select(order), index[order], log_scale[order], quaternion[order]
+    layout = Layout(np.bincount(gaussians.binding, minlength=n_faces).astype(np.int64))
+    transparency = opacity_table(level.opacity_steps).transparency[index]
+
+    def at(rule: StepRule) -> StepRule:
+        return replace(rule, base=rule.base + level.exponent)
+
+    scale_rules = (at(rules.SCALE_RULES[0]), at(rules.SCALE_RULES[1]), at(rules.SCALE_RULES[2]))
+    scale, scale_values = encode_scale(layout, log_scale, transparency, scale_rules)
+    classes = classes_of(transparency, scale_values)
+    reference = int(np.median(classes.size)) if len(index) else 0
+
+    def sized(rule: StepRule) -> StepRule:
+        return replace(at(rule), reference=min(max(reference, -128), 127))
+
+    colour_rules = tuple(sized(rule) for rule in rules.COLOUR_RULES)
+    harmonic_rules = tuple(sized(rule) for rule in rules.HARMONIC_RULES)
+    sections = [
+        Section("Counts", encode_counts(layout.counts)),
+        Section("Opacity", encode_opacity(layout, index, level.opacity_steps)),
+        Section("Scale", scale),
+        Section("Rotation", encode_rotation(layout, quaternion, classes, sized(rules.ROTATION_RULE))[0]),
+        Section("Position", encode_position(layout, gaussians.position, classes, sized(rules.POSITION_RULE))[0]),
+        Section("Colour", encode_colour(layout, gaussians.sh_dc, classes, colour_rules)[0]),
+    ]
+    if gaussians.sh_degree:
+        coded = encode_harmonics(gaussians.sh_rest, classes, harmonic_rules, rules.HARMONIC_DEAD_ZONE)[0]
+        sections.append(Section("Harmonic", coded))
+    return sections
+
+
+def raise_thin_axes(log_scale: Float[np.ndarray, "n 3"], max_thinness: float) -> Float[np.ndarray, "n 3"]:
+    """Raise each scale to no less than `max_thinness` below the next larger one: what is thinner looks the same."""
+    floored = np.clip(log_scale.astype(np.float64), MIN_LOG_SCALE, MAX_LOG_SCALE)
+    for axis in SCALE_FLOOR_AXES:
+        floored[:, axis] = np.maximum(floored[:, axis], floored[:, axis - 1] - max_thinness)
+    return floored
+
+
+def add_motion(header: Header, avatar: Avatar, level: Level, group_frames: int) -> tuple[Header, list[Section]]:
+    """Code the motion; give the header that tells of it, and its static and its dynamic section.
+
+    Raises:
+        FormatError: the motion is not finite, inconsistent, or beyond what the format holds.
+    """
+    motion = avatar.motion
+    assert motion is not None
+    motion.validate()
+    if len(motion.static_offset) not in (0, avatar.head.n_vertices):
+        raise FormatError(f"{len(motion.static_offset)} vertex offsets, the head has {avatar.head.n_vertices} vertices")
+    try:
+        static = encode_static(motion.shape, motion.static_offset, level.shape_step, level.offset_step)
+        dynamic = encode_motion(motion, level, group_frames)
+    except OverflowError as fault:
+        raise FormatError(f"motion: {fault}") from fault
+    told = replace(
+        header,
+        n_frames=len(motion),
+        n_expression=motion.expression.shape[1],
+        n_shape=len(motion.shape),
+        n_offsets=len(motion.static_offset),
+        has_motion=True,
+    )
+    return told, [Section("Static", static), Section("Motion", dynamic)]
+
+
+def pad(sections: list[Section], n_numbers: int) -> list[Section]:
+    """Add a section of zeros where the file would be smaller than what it says may be."""
+    n_bytes = len(pack_sections(sections))
+    missing = -(-(n_numbers - number_budget(n_bytes)) // 64)
+    return [*sections, Section("padding", bytes(missing))] if missing > 0 else sections

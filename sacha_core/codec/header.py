@@ -1,0 +1,114 @@
+"""Section `Header`: what the file holds, before any of it is decoded.
+
+Source: own.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+from sacha_core.codec.reading import ByteReader, pack_text
+from sacha_core.flame.model import HeadReference
+
+__all__ = ["Header", "number_budget"]
+
+LAYOUT = "BBBBIIIIIII"  # profile, level, SH degree, flags (0), then eight counts as in Header
+PROFILE_LOSSY = 0
+
+
+@dataclass(frozen=True)
+class Header:
+    """What the file holds.
+
+    Args:
+        level: 1 to 4: what the encoder was asked for; the decoder does not need it.
+        n_gaussians: Gaussians in the file.
+        sh_degree: 0 to 3.
+        head: the head model that they are bound to.
+        scheme: name of the region scheme.
+        n_frames: frames of motion; 0 with `has_motion` false where there is none.
+        n_expression: expression weights a frame.
+        n_shape: identity coefficients.
+        n_offsets: vertices with a personal offset, 0 or as many as the head has.
+        has_motion: whether there is a motion.
+    """
+
+    level: int
+    n_gaussians: int
+    sh_degree: int
+    head: HeadReference
+    scheme: str
+    n_frames: int = 0
+    n_expression: int = 0
+    n_shape: int = 0
+    n_offsets: int = 0
+    has_motion: bool = False
+
+    @property
+    def n_harmonics(self) -> int:
+        """SH coefficients of degree 1 and up."""
+        return (self.sh_degree + 1) ** 2 - 1
+
+    @property
+    def n_numbers(self) -> int:
+        """How many numbers decoding must hold: what the size of the file has to answer for."""
+        static = self.n_shape + 3 * self.n_offsets
+        return (self.head.n_faces + self.n_gaussians * (14 + 3 * self.n_harmonics) + static) + self.n_frames * (
+            self.n_expression + 18
+        )
+
+    def pack(self) -> bytes:
+        """Write the section."""
+        fixed = struct.pack(
+            "<" + LAYOUT,
+            PROFILE_LOSSY,
+            self.level,
+            self.sh_degree,
+            int(self.has_motion),
+            self.n_gaussians,
+            self.head.n_vertices,
+            self.head.n_faces,
+            self.n_frames,
+            self.n_expression,
+            self.n_shape,
+            self.n_offsets,
+        )
+        return fixed + bytes.fromhex(self.head.sha256) + pack_text(self.head.name) + pack_text(self.scheme)
+
+    @classmethod
+    def unpack(cls, reader: ByteReader, file_bytes: int) -> Header:
+        """Read the section.
+
+        Args:
+            reader: over the section.
+            file_bytes: size of the whole file, which bounds what the header may claim.
+
+        Raises:
+            FormatError: an unknown profile, counts that contradict each other, or more numbers than the file may hold.
+        """
+        profile, level, sh_degree, flags, *counts = reader.unpack(LAYOUT)
+        digest = reader.take(32).hex()
+        name, scheme = reader.text(), reader.text()
+        n_gaussians, n_vertices, n_faces, n_frames, n_expression, n_shape, n_offsets = counts
+        reader.check_end()
+        if profile != PROFILE_LOSSY or not 1 <= level <= 4:
+            raise reader.error(f"profile {profile} at level {level}; this decoder knows profile 0, levels 1 to 4")
+        if sh_degree > 3:
+            raise reader.error(f"spherical harmonics of degree {sh_degree}, at most 3")
+        if flags > 1 or (not flags and any(counts[3:])):
+            raise reader.error(f"flags {flags} with {n_frames} frames, {n_shape} shape and {n_offsets} offset rows")
+        if n_offsets not in (0, n_vertices):
+            raise reader.error(f"{n_offsets} vertex offsets for a head of {n_vertices} vertices")
+        head = HeadReference(name, digest, n_vertices, n_faces)
+        motion = (n_frames, n_expression, n_shape, n_offsets, bool(flags))
+        header = cls(level, n_gaussians, sh_degree, head, scheme, *motion)
+        if header.n_numbers > number_budget(file_bytes):
+            limit = number_budget(file_bytes)
+            raise reader.error(f"{header.n_numbers} numbers claimed, {file_bytes} bytes may hold {limit}")
+        return header
+
+
+def number_budget(file_bytes: int) -> int:
+    """How many numbers a file of this size may decode to: an encoder pads a file that would say more with less."""
+    return (1 << 16) + 64 * file_bytes

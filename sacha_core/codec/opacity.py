@@ -1,0 +1,139 @@
+r"""Section `Opacity`: uniform steps in $\theta = \arcsin\sqrt{\alpha}$, in which an error shows equally at every opacity.
+
+Gaussians of a triangle are sorted by falling opacity, so that a mate is coded as how far it falls below the one before.
+
+Source: own.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from decimal import Decimal, localcontext
+from functools import cache
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from sacha_core.codec.order import KINDS, MATES, Layout, Pass
+from sacha_core.codec.reading import ByteReader
+from sacha_core.codec.symbols import SymbolReader, SymbolWriter
+
+__all__ = ["MAX_STEPS", "OpacityTable", "decode_opacity", "encode_opacity", "opacity_index", "opacity_table"]
+
+MAX_STEPS = 1024
+CLASSES = 16  # contexts by the opacity that a Gaussian is predicted from
+MAX_TRANSPARENCY = 24
+DIGITS = 40
+PI = Decimal("3.14159265358979323846264338327950288419716939937510582097494")
+
+
+@dataclass(frozen=True)
+class OpacityTable:
+    """What an index stands for, at each of u + 1 indices.
+
+    Args:
+        logit: (u + 1,) float32.
+        transparency: (u + 1,) half octaves of 1 / opacity, rounded, at most 24.
+    """
+
+    logit: Float[np.ndarray, " u"]
+    transparency: Int[np.ndarray, " u"]
+
+
+def sine(angle: Decimal) -> Decimal:
+    """Sine by its series, to the precision of the decimal context."""
+    term = total = angle
+    k = 1
+    while abs(term) > Decimal(10) ** -DIGITS:
+        term *= -angle * angle / ((k + 1) * (k + 2))
+        total += term
+        k += 2
+    return total
+
+
+@cache
+def opacity_table(n_steps: int) -> OpacityTable:
+    """Give the table of `n_steps` steps from transparent to opaque.
+
+    Decimal arithmetic, which is the same everywhere; the two ends stand a quarter of a step inside, since their logits are infinite.
+    """
+    logits, classes = [], []
+    with localcontext() as context:
+        context.prec = DIGITS
+        for index in range(n_steps + 1):
+            inside = min(max(Decimal(index), Decimal("0.25")), n_steps - Decimal("0.25"))
+            angle = PI / 2 * inside / n_steps
+            alpha, rest = sine(angle) ** 2, sine(PI / 2 - angle) ** 2
+            logits.append(float((alpha / rest).ln()))
+            classes.append(min(int((-2 * alpha.ln() / Decimal(2).ln()).to_integral_value()), MAX_TRANSPARENCY))
+    return OpacityTable(np.array(logits, np.float32), np.array(classes, np.int64))
+
+
+def opacity_index(logit: Float[np.ndarray, " n"], n_steps: int) -> Int[np.ndarray, " n"]:
+    """Give the nearest index of each opacity."""
+    half = np.clip(logit.astype(np.float64) / 2, -100, 100)
+    return np.rint(np.arctan(np.exp(half)) * (2 / np.pi) * n_steps).astype(np.int64)  # tan(theta)^2 = a / (1 - a)
+
+
+def expected_first(step: Pass, index: Int[np.ndarray, " n"], start: int) -> Int[np.ndarray, " p"]:
+    """Opacity index that a first Gaussian is predicted to have."""
+    if step.rows[0] == step.left[0]:
+        return np.array([start])
+    return np.asarray((index[step.left] + index[step.right] + 1) >> 1)
+
+
+def contexts_of(step: Pass, expected: Int[np.ndarray, " p"], n_steps: int) -> Int[np.ndarray, " p"]:
+    """Context of each Gaussian: kind of pass, and the opacity that it is predicted from."""
+    return np.asarray(step.kind * CLASSES + np.minimum(expected * CLASSES // n_steps, CLASSES - 1))
+
+
+def known_mate(step: Pass, layout: Layout, index: Int[np.ndarray, " n"]) -> Int[np.ndarray, " p"]:
+    """Opacity index of the last mate known before the pass."""
+    return np.asarray(index[layout.firsts[step.slot] + step.rank.min() - 1])
+
+
+def run_starts(step: Pass) -> Int[np.ndarray, " p"]:
+    """For each Gaussian of a pass of mates, where in the pass its triangle begins."""
+    new = np.diff(step.slot, prepend=-1) > 0
+    return np.maximum.accumulate(np.where(new, np.arange(len(new)), 0))
+
+
+def encode_opacity(layout: Layout, index: Int[np.ndarray, " n"], n_steps: int) -> bytes:
+    """Code opacity indices, which fall inside each triangle."""
+    start = int(np.median(index[layout.firsts])) if len(index) else 0
+    writer = SymbolWriter(KINDS * CLASSES)
+    for step in layout.passes:
+        if step.kind == MATES:
+            known = known_mate(step, layout, index)
+            writer.write(index[step.rows - 1] - index[step.rows], contexts_of(step, known, n_steps))
+        else:
+            expected = expected_first(step, index, start)
+            writer.write(index[step.rows] - expected, contexts_of(step, expected, n_steps))
+    return struct.pack("<HH", n_steps, start) + writer.finish()
+
+
+def decode_opacity(reader: ByteReader, layout: Layout) -> tuple[Int[np.ndarray, " n"], OpacityTable]:
+    """Read opacity indices and the table that they point into.
+
+    Raises:
+        FormatError: an index lies outside the table.
+    """
+    n_steps, start = reader.unpack("HH")
+    if not (1 <= n_steps <= MAX_STEPS and start <= n_steps):
+        raise reader.error(f"{n_steps} opacity steps, the middle one {start}; expected 1 to {MAX_STEPS}")
+    index = np.zeros(len(layout.slots), np.int64)
+    symbols = SymbolReader(reader, KINDS * CLASSES)
+    for step in layout.passes:
+        if step.kind == MATES:
+            known = known_mate(step, layout, index)
+            fall = np.cumsum(symbols.read(contexts_of(step, known, n_steps)))
+            begin = run_starts(step)
+            index[step.rows] = known - (fall - np.where(begin > 0, fall[begin - 1], 0))
+        else:
+            expected = expected_first(step, index, start)
+            index[step.rows] = expected + symbols.read(contexts_of(step, expected, n_steps))
+        if index[step.rows].min() < 0 or index[step.rows].max() > n_steps:
+            raise reader.error(f"an opacity index outside 0 to {n_steps}")
+    symbols.check_end()
+    return index, opacity_table(n_steps)

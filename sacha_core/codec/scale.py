@@ -1,0 +1,90 @@
+r"""Section `Scale`: logarithms of the three standard deviations, largest first, the further ones as how far they fall below the one before.
+
+Sorting costs nothing, since the rotation is turned to match (`rotation.sort_axes`).
+
+Source: own.
+"""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from sacha_core.codec.order import Layout
+from sacha_core.codec.predicted import ContextPlan, decode_predicted, encode_predicted
+from sacha_core.codec.reading import ByteReader
+from sacha_core.codec.steps import Classes, StepRule, dequantise
+
+__all__ = ["UNIT", "classes_of", "decode_scale", "encode_scale"]
+
+UNIT = 2.0**-12  # of a natural logarithm
+HALF_OCTAVES = 189093  # 2 / ln 2 in 16 fractional bits: half octaves in a natural logarithm
+HALF_OCTAVE_SHIFT = 28
+
+
+def plan_of(rule: StepRule, classes: Classes, n_components: int) -> ContextPlan:
+    """Contexts by how coarse the step of a Gaussian is, in octaves."""
+    return ContextPlan(n_components, (rule.shift(classes) - rule.low) >> 1, ((rule.high - rule.low) >> 1) + 1)
+
+
+def transparency_only(transparency: Int[np.ndarray, " n"]) -> Classes:
+    """Classes as far as they are known before scales are."""
+    zero = np.zeros_like(transparency)
+    return Classes(transparency, zero, zero)
+
+
+def classes_of(transparency: Int[np.ndarray, " n"], scale: Int[np.ndarray, "n 3"]) -> Classes:
+    """Classes from decoded opacity and decoded scales (integers in `UNIT`, largest first)."""
+    size = ((scale[:, 0] + scale[:, 1]) * HALF_OCTAVES) >> (HALF_OCTAVE_SHIFT + 1)
+    elongation = np.maximum((scale[:, 0] - scale[:, 1]) * HALF_OCTAVES >> HALF_OCTAVE_SHIFT, 0)
+    return Classes(transparency, size, elongation)
+
+
+def encode_scale(
+    layout: Layout,
+    log_scale: Float[np.ndarray, "n 3"],
+    transparency: Int[np.ndarray, " n"],
+    rules: tuple[StepRule, StepRule, StepRule],
+) -> tuple[bytes, Int[np.ndarray, "n 3"]]:
+    """Code log-scales, sorted largest first.
+
+    Returns:
+        The section and the integers that the decoder will have.
+    """
+    values = np.rint(log_scale.astype(np.float64) / UNIT).astype(np.int64)
+    classes = transparency_only(transparency)
+    above = np.zeros(len(values), np.int64)
+    parts, columns = [], []
+    for axis, rule in enumerate(rules):
+        gap = values[:, axis] if axis == 0 else above - values[:, axis]
+        plan = plan_of(rule, classes, 1)
+        coded, decoded = encode_predicted(layout, gap[:, None], rule.steps(classes)[:, None], plan)
+        above = decoded[:, 0] if axis == 0 else above - decoded[:, 0]
+        parts.append(rule.pack() + struct.pack("<I", len(coded)) + coded)
+        columns.append(above)
+    return b"".join(parts), np.stack(columns, axis=1)
+
+
+def decode_scale(
+    reader: ByteReader, layout: Layout, transparency: Int[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "n 3"]]:
+    """Read log-scales: as float32, and as the integers that steps of further attributes follow.
+
+    Raises:
+        FormatError: the bytes are not what an encoder writes.
+    """
+    classes = transparency_only(transparency)
+    above = np.zeros(len(transparency), np.int64)
+    columns = []
+    for axis in range(3):
+        rule = StepRule.unpack(reader)
+        (n_bytes,) = reader.unpack("I")
+        part = reader.part(n_bytes)
+        decoded = decode_predicted(part, layout, rule.steps(classes)[:, None], plan_of(rule, classes, 1))
+        above = decoded[:, 0] if axis == 0 else above - decoded[:, 0]
+        columns.append(above)
+    reader.check_end()
+    scale = np.stack(columns, axis=1)
+    return dequantise(scale, UNIT), scale

@@ -1,0 +1,185 @@
+"""Streams of integers under contexts: frequency tables in front, then raw bits, then range-asymmetric coded tokens.
+
+A writer is fed batches of integers, each integer with a context; at the end it groups contexts that behave alike, makes one table for each
+group, and codes. A reader asks for the same batches in the same order, so that the contexts of a batch may depend on the batches before.
+
+Source: own; the coder is constriction's `AnsCoder` (Bamler, 2022), specified in FORMAT.md, "Tokens".
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import constriction
+import numpy as np
+from jaxtyping import Bool, Int
+
+from sacha_core.codec import tokens as token_split
+from sacha_core.codec.reading import ByteReader
+from sacha_core.codec.tables import MAX_TABLES, count_bits, grades_of, read_tables, table_weights, write_tables
+
+__all__ = ["MAX_CONTEXTS", "SymbolReader", "SymbolWriter"]
+
+MAX_CONTEXTS = 1024
+HEAD = "BII"  # number of tables, bytes of the tables, bytes of the raw bits
+
+
+def make_model(grades: Int[np.ndarray, " a"]) -> Any:
+    """Give the entropy model of a table."""
+    return constriction.stream.model.Categorical(table_weights(grades), perfect=False)
+
+
+class SymbolWriter:
+    """Collects batches of integers and codes them.
+
+    Args:
+        n_contexts: contexts run from 0 to n_contexts - 1.
+    """
+
+    def __init__(self, n_contexts: int) -> None:
+        self._n_contexts = n_contexts
+        self._batches: list[tuple[Int[np.ndarray, " m"], Int[np.ndarray, " m"]]] = []
+
+    def write(self, values: Int[np.ndarray, "..."], contexts: Int[np.ndarray, "..."]) -> None:
+        """Add a batch; both arrays are read in C order."""
+        if values.size and np.abs(values).max() > token_split.MAX_VALUE:
+            raise OverflowError(f"a symbol of {np.abs(values).max()} is beyond {token_split.MAX_VALUE}")
+        self._batches.append((values.reshape(-1).astype(np.int64), contexts.reshape(-1).astype(np.int64)))
+
+    def finish(self) -> bytes:
+        """Give the coded stream."""
+        values = np.concatenate([np.zeros(0, np.int64), *(batch[0] for batch in self._batches)])
+        contexts = np.concatenate([np.zeros(0, np.int64), *(batch[1] for batch in self._batches)])
+        tokens, raw = token_split.split_tokens(values)
+        counts = np.zeros((self._n_contexts, 2 * token_split.MAX_TOKEN + 1), np.int64)
+        np.add.at(counts, (contexts, tokens + token_split.MAX_TOKEN), 1)
+        table_of, grouped = group_contexts(counts)
+        tables = [fit_table(row) for row in grouped]
+        coded_tables = write_tables(table_of, tables)
+        bits = token_split.pack_bits(raw, token_split.raw_lengths(tokens))
+        head = struct.pack("<" + HEAD, len(tables), len(coded_tables), len(bits))
+        return head + coded_tables + bits + self._code(tokens, table_of[contexts], tables)
+
+    def _code(
+        self,
+        tokens: Int[np.ndarray, " m"],
+        table_of: Int[np.ndarray, " m"],
+        tables: list[tuple[int, Int[np.ndarray, " a"]]],
+    ) -> bytes:
+        """Push every token onto the stack coder, last first."""
+        coder = constriction.stream.stack.AnsCoder()
+        models = [make_model(grades) for _, grades in tables]
+        end = len(tokens)
+        for batch, _ in reversed(self._batches):
+            start = end - len(batch)
+            for table in range(len(tables) - 1, -1, -1):
+                mine = tokens[start:end][table_of[start:end] == table]
+                if len(mine):
+                    coder.encode_reverse((mine - tables[table][0]).astype(np.int32), models[table])
+            end = start
+        return bytes(coder.get_compressed().astype("<u4").tobytes())
+
+
+def fit_table(counts: Int[np.ndarray, " a"]) -> tuple[int, Int[np.ndarray, " b"]]:
+    """Give the first token and the grades of a table for symbols of these counts."""
+    seen = np.flatnonzero(counts)
+    return int(seen[0]) - token_split.MAX_TOKEN, grades_of(counts[seen[0] : seen[-1] + 1])
+
+
+def group_contexts(counts: Int[np.ndarray, "c a"]) -> tuple[Int[np.ndarray, " c"], Int[np.ndarray, "g a"]]:
+    """Merge contexts, the most alike first, for as long as that saves bits, tables included.
+
+    Returns:
+        The group of each context (0 for a context that never occurs) and the counts of each group.
+    """
+    group_of = np.zeros(len(counts), np.int64)
+    used = np.flatnonzero(counts.sum(axis=1))
+    columns = np.flatnonzero(counts.sum(axis=0))  # most tokens never occur: leave them out of the arithmetic
+    groups = counts[np.ix_(used, columns)].astype(np.float64)
+    alive = np.ones(len(used), bool)
+    leader = np.arange(len(used))
+    bits = count_bits(groups)
+    saving = np.full((len(used), len(used)), -np.inf)
+    for row in range(len(used) - 1):
+        saving[row, row + 1 :] = bits[row] + bits[row + 1 :] - count_bits(groups[row] + groups[row + 1 :])
+    while alive.sum() > 1:
+        best = int(np.argmax(saving))
+        a, b = divmod(best, len(used))
+        if saving[a, b] <= 0 and alive.sum() <= MAX_TABLES:
+            break
+        groups[a] += groups[b]
+        bits[a] = count_bits(groups[a])
+        alive[b] = False
+        leader[leader == b] = a
+        saving[b, :] = saving[:, b] = -np.inf
+        fresh = bits[a] + bits - count_bits(groups[a] + groups)
+        saving[a, a + 1 :] = np.where(alive[a + 1 :], fresh[a + 1 :], -np.inf)
+        saving[:a, a] = np.where(alive[:a], fresh[:a], -np.inf)
+    kept = np.flatnonzero(alive)
+    group_of[used] = np.searchsorted(kept, leader)
+    merged = np.zeros((len(kept), counts.shape[1]), np.int64)
+    np.add.at(merged, group_of[used], counts[used])
+    return group_of, merged
+
+
+class SymbolReader:
+    """Reads batches as `SymbolWriter` wrote them; takes everything that is left in `reader`.
+
+    Raises:
+        FormatError: tables, raw bits or coded words are not what an encoder writes.
+    """
+
+    def __init__(self, reader: ByteReader, n_contexts: int) -> None:
+        self._reader = reader
+        n_tables, table_bytes, bit_bytes = reader.unpack(HEAD)
+        if n_tables > MAX_TABLES:
+            raise reader.error(f"{n_tables} tables, at most {MAX_TABLES} are allowed")
+        offset = reader.offset
+        self._table_of, self._tables = read_tables(reader.take(table_bytes), n_contexts, n_tables, offset)
+        self._models = [make_model(grades) for _, grades in self._tables]
+        self._bits = np.unpackbits(np.frombuffer(reader.take(bit_bytes), np.uint8))
+        self._bits_used = 0
+        raw = reader.take(reader.left)
+        if len(raw) % 4:
+            raise reader.error(f"coded words take {len(raw)} bytes, not a multiple of 4")
+        words = np.frombuffer(raw, "<u4").astype(np.uint32)
+        if len(words) and words[-1] == 0:
+            raise reader.error("the last coded word is zero, which no encoder writes")
+        self._coder = constriction.stream.stack.AnsCoder(words)
+
+    def read(self, contexts: Int[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:
+        """Read one integer for each context, in C order."""
+        flat = contexts.reshape(-1)
+        if flat.size and not self._tables:
+            raise self._reader.error(f"{flat.size} symbols are due, but there is no table")
+        tokens = np.zeros(flat.size, np.int64)
+        table_of = self._table_of[flat]
+        for table, model in enumerate(self._models):
+            mine: Bool[np.ndarray, " m"] = table_of == table
+            count = int(np.count_nonzero(mine))
+            if count:
+                first, grades = self._tables[table]
+                symbols = self._coder.decode(model, count)
+                if symbols.max() >= len(grades):
+                    raise self._reader.error(f"a token beyond the last of table {table}")
+                tokens[mine] = symbols + first
+        lengths = token_split.raw_lengths(tokens)
+        n_bits = int(lengths.sum())
+        if self._bits_used + n_bits > len(self._bits):
+            raise self._reader.error("the raw bits end too early")
+        raw = token_split.unpack_bits(self._bits, self._bits_used, lengths)
+        self._bits_used += n_bits
+        return token_split.join_tokens(tokens, raw).reshape(contexts.shape)
+
+    def check_end(self) -> None:
+        """Check that every word and every raw bit was used.
+
+        Raises:
+            FormatError: something is left over.
+        """
+        if not self._coder.is_empty():
+            raise self._reader.error("coded words are left over, or were cut: the symbols do not add up")
+        left = self._bits[self._bits_used :]
+        if len(left) >= 8 or left.any():
+            raise self._reader.error(f"{len(left)} raw bits are left over")
