@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +12,8 @@ from sacha_core.perception.kernels.entropy import LOWEST, entropy_band
 from sacha_core.perception.kernels.structural import gradient_band, ssim_band
 
 __all__ = ["ImageLoss", "ImageLosses"]
+
+Share = Callable[[Callable[[int, int], None], int], None]
 
 BANDS = 8  # fixed, so that sums are made in the same order by any number of threads
 
@@ -36,6 +37,12 @@ class ImageLosses:
     gradient: Float[np.ndarray, "c h w"]
 
 
+def in_turn(task: Callable[[int, int], None], jobs: int) -> None:
+    """Call task(0, job) for each job."""
+    for job in range(jobs):
+        task(0, job)
+
+
 class ImageLoss:
     """Computes losses; keeps its buffers from call to call.
 
@@ -43,7 +50,8 @@ class ImageLoss:
         l1_weight: of the mean absolute difference.
         ssim_weight: of 1 - SSIM.
         entropy_weight: of the cross-entropy.
-        pool: runs the bands side by side; None runs them in turn. The result is the same to the bit.
+        share: calls task(worker, job) once for each of a number of jobs, on some threads; None calls them in turn. The result is the same
+            to the bit.
 
     Source: Qian et al., GaussianAvatars, CVPR 2024 (0.8 L1 + 0.2 (1 - SSIM)); Zhou et al., Perceptual-GS, 2025 (cross-entropy).
     """
@@ -53,10 +61,10 @@ class ImageLoss:
         l1_weight: float = 0.8,
         ssim_weight: float = 0.2,
         entropy_weight: float = 0.01,
-        pool: Executor | None = None,
+        share: Share | None = None,
     ) -> None:
         self.l1_weight, self.ssim_weight, self.entropy_weight = l1_weight, ssim_weight, entropy_weight
-        self._pool = pool
+        self._share = in_turn if share is None else share
         self._store = np.empty(0, np.float32)
 
     def __call__(
@@ -88,11 +96,11 @@ class ImageLoss:
         l1_weight = np.float32(self.l1_weight / (colours * count))
         entropy_weight = np.float32(self.entropy_weight / count)
 
-        def statistics(band: int) -> None:
+        def statistics(_: int, band: int) -> None:
             derivatives = (d_mean, d_square, d_cross)
             ssim_band(image, target, unit, edges[band], edges[band + 1], *derivatives, sums[0, band])
 
-        def gradients(band: int) -> None:
+        def gradients(_: int, band: int) -> None:
             top, bottom = edges[band], edges[band + 1]
             weights = (ssim_weight, l1_weight)
             gradient_band(
@@ -104,8 +112,8 @@ class ImageLoss:
             elif len(image) > colours:
                 gradient[colours:, top:bottom] = 0
 
-        self._run(statistics)
-        self._run(gradients)
+        self._share(statistics, BANDS)
+        self._share(gradients, BANDS)
         ssim = 1 - sums[0].sum() / (colours * count)
         l1 = sums[1].sum() / (colours * count)
         entropy = 0.0
@@ -113,10 +121,6 @@ class ImageLoss:
             entropy = (_cross_entropy(clamped, sensitivity) - outside * float(np.log1p(-LOWEST))) / count
         total = self.l1_weight * l1 + self.ssim_weight * (1 - ssim) + self.entropy_weight * entropy
         return ImageLosses(float(l1), float(ssim), entropy, float(total), gradient)
-
-    def _run(self, work: Callable[[int], None]) -> None:
-        for _ in map(work, range(BANDS)) if self._pool is None else self._pool.map(work, range(BANDS)):
-            pass
 
     def _buffers(self, planes: int, height: int, width: int) -> Float[np.ndarray, "p h w"]:
         size = planes * height * width

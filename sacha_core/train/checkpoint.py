@@ -1,0 +1,134 @@
+"""Checkpoints: all that a run needs to go on as if it had never stopped."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sacha_core.density.events import Event, dump_events, parse_events
+from sacha_core.errors import FormatError, OptionError
+from sacha_core.npz import read_npz, write_npz
+from sacha_core.train.options import TrainOptions, from_record
+from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, TrainState
+
+__all__ = ["Checkpoint", "differing", "read_checkpoint", "write_checkpoint"]
+
+VERSION = 1
+VALUES = (*ATTRIBUTES, *FITTED_MOTION)
+MOMENTS = ("values", "first", "second")
+PLAIN = ("binding", "gradient_sum", "gradient_count", "thresholds", "ratios")
+
+ELSEWHERE = ("threads", "checkpoint_every", "image_cache_bytes")  # change nothing in the result
+AFTER_WARM_UP = (
+    "variant", "pruning", "importance", "density.by_region", "density.means", "density.guard_faint",
+    "schedule.calibrations", "schedule.densify_until",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A run at some iteration.
+
+    Args:
+        state: all that changes.
+        options: of the run.
+        events: what density control has done so far.
+        data: what the run was given, as `loop.fingerprint` tells it; resuming with something else is refused.
+    """
+
+    state: TrainState
+    options: TrainOptions
+    events: tuple[Event, ...]
+    data: dict[str, Any]
+
+
+def write_checkpoint(path: str | os.PathLike[str], checkpoint: Checkpoint) -> None:
+    """Write a checkpoint, aside and then moved into place.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    state = checkpoint.state
+    header = {
+        "version": VERSION,
+        "iteration": state.iteration,
+        "steps": state.steps,
+        "options": checkpoint.options.record(),
+        "data": checkpoint.data,
+    }
+    arrays = {f"{kind}.{name}": getattr(state, kind)[name] for kind in MOMENTS for name in VALUES}
+    arrays |= {name: getattr(state, name) for name in PLAIN}
+    texts = {"header": np.array(json.dumps(header)), "events": np.array(dump_events(checkpoint.events))}
+    write_npz(path, {**texts, **arrays})
+
+
+def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
+    """Read a checkpoint.
+
+    Raises:
+        FormatError: it is damaged or none; the message says what was wrong.
+        OSError: it cannot be read.
+    """
+    arrays = read_npz(path)
+    expected = {"header", "events", *PLAIN, *(f"{kind}.{name}" for kind in MOMENTS for name in VALUES)}
+    if missing := sorted(expected - arrays.keys()):
+        raise FormatError(f"{path}: not a checkpoint: {missing[0]!r} is missing")
+    try:
+        header = json.loads(str(arrays["header"]))
+        version, iteration = int(header["version"]), int(header["iteration"])
+        steps = {group: int(header["steps"][group]) for group in ("gaussians", "motion")}
+        options, data = from_record(header["options"]), dict(header["data"])
+        events = parse_events(str(arrays["events"]))
+    except (ValueError, KeyError, TypeError, OptionError, FormatError) as error:
+        raise FormatError(f"{path}: not a checkpoint that this version can read: {error}") from error
+    if version != VERSION:
+        raise FormatError(f"{path}: checkpoint version {version}, expected {VERSION}")
+    parts = [{name: arrays[f"{kind}.{name}"] for name in VALUES} for kind in MOMENTS]
+    state = TrainState(iteration, *parts, steps, **{name: arrays[name] for name in PLAIN})
+    _check(path, state)
+    return Checkpoint(state, options, events, data)
+
+
+def _check(path: str | os.PathLike[str], state: TrainState) -> None:
+    """Refuse arrays that do not belong together."""
+    if state.binding.ndim != 1 or state.binding.dtype != np.int32:
+        raise FormatError(f"{path}: binding is {state.binding.dtype} {state.binding.shape}, expected (n,) int32")
+    for name in VALUES:
+        value = state.values[name]
+        wrong = name in ATTRIBUTES and len(value) != len(state)
+        for kind in MOMENTS:
+            other = getattr(state, kind)[name]
+            if wrong or other.shape != value.shape or other.dtype != np.float32:
+                raise FormatError(
+                    f"{path}: {kind} of {name} is {other.dtype} {other.shape}, which fits nothing else in it"
+                )
+
+
+def differing(a: TrainOptions, b: TrainOptions, until_warm_up: bool = False) -> str | None:
+    """Name the first option in which two runs differ, and both values; None where they are the same to the bit.
+
+    Args:
+        a: options of one run.
+        b: of the other.
+        until_warm_up: whether only that counts which matters before warm-up ends.
+    """
+    ignored = ELSEWHERE + (AFTER_WARM_UP if until_warm_up else ())
+    first, second = flat(a.record()), flat(b.record())
+    for name, value in first.items():
+        if name in ignored or name.split(".", maxsplit=1)[0] in ignored:
+            continue
+        if value != second[name]:
+            return f"{name} ({value} and {second[name]})"
+    return None
+
+
+def flat(record: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Give nested options by dotted names."""
+    result: dict[str, Any] = {}
+    for name, value in record.items():
+        result |= flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {f"{prefix}{name}": value}
+    return result

@@ -1,0 +1,128 @@
+"""The images trained on: decoded once, kept as bytes, drawn in an order that a seed decides."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from threading import Lock
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Int, UInt8
+
+from sacha_core.interchange.capture import Capture, View
+from sacha_core.perception.sensitivity_map import resized_sensitivity, sensitivity_map
+from sacha_core.progress import Progress, Report, silent
+from sacha_core.raster.camera import Camera
+from sacha_core.raster.pool import Pool
+
+__all__ = ["Box", "Target", "TrainingViews", "epoch_order", "evenly_spaced"]
+
+WHITE = 255
+Box = tuple[int, int, int, int]  # left, top, right, bottom; pixels, exclusive
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a rendering of one view is compared with.
+
+    Args:
+        timestep: frame of the motion.
+        camera: at the resolution trained at.
+        image: (3, h, w) RGB.
+        sensitivity: (h, w) reference sensitivity, 255 stands for 1.
+        box: outside of which the image is white and nothing is sensitive; empty if it is all so.
+    """
+
+    timestep: int
+    camera: Camera
+    image: UInt8[np.ndarray, "3 h w"]
+    sensitivity: UInt8[np.ndarray, "h w"]
+    box: Box
+
+
+class TrainingViews:
+    """The training views of a capture, by index.
+
+    Args:
+        capture: where images come from.
+        width: of the images trained on, pixels; None for each view's own.
+        height: likewise.
+        pad: see `sensitivity_map`.
+        cache_bytes: of decoded images that are kept; what is beyond is decoded each time.
+    """
+
+    def __init__(
+        self,
+        capture: Capture,
+        width: int | None = None,
+        height: int | None = None,
+        pad: Literal["replicate", "zero"] = "replicate",
+        cache_bytes: int = 4 << 30,
+    ) -> None:
+        self._capture, self._width, self._height, self._pad = capture, width, height, pad
+        self._room = cache_bytes
+        self._kept: dict[int, Target] = {}
+        self._lock = Lock()
+        self.views: tuple[View, ...] = capture.train
+
+    def __len__(self) -> int:
+        """Give the number of views."""
+        return len(self.views)
+
+    def __getitem__(self, index: int) -> Target:
+        """Give one view, decoded.
+
+        Raises:
+            DatasetError: its image cannot be decoded.
+        """
+        if index in self._kept:
+            return self._kept[index]
+        target = self._load(self.views[index])
+        size = target.image.nbytes + target.sensitivity.nbytes
+        with self._lock:
+            if index not in self._kept and size <= self._room:
+                self._room -= size
+                self._kept[index] = target
+        return target
+
+    def preload(self, pool: Pool, report: Report = silent) -> None:
+        """Decode the views that fit into the cache, by several threads."""
+        first = self[0]
+        fitting = min(len(self), 1 + self._room // (first.image.nbytes + first.sensitivity.nbytes))
+
+        def load(worker: int, index: int) -> None:
+            self[index]  # kept
+            if worker == 0:  # the calling thread
+                report(Progress("read images", len(self._kept), fitting))
+
+        pool.run(load, fitting)
+
+    def _load(self, view: View) -> Target:
+        stored = self._capture.image(view)
+        width, height = self._width or stored.shape[1], self._height or stored.shape[0]
+        sensitivity = resized_sensitivity(sensitivity_map(stored, self._pad), width, height)
+        resized = stored.shape[:2] != (height, width)
+        image = self._capture.image(view, width, height) if resized else stored
+        marked = (image != WHITE).any(axis=2) | (sensitivity != 0)
+        planar = np.ascontiguousarray(image.transpose(2, 0, 1))
+        return Target(view.timestep, view.camera.resized(width, height), planar, sensitivity, box_of(marked))
+
+
+def box_of(marked: np.ndarray) -> Box:
+    """Give the smallest box around what is marked; (0, 0, 0, 0) if nothing is."""
+    rows, columns = np.flatnonzero(marked.any(axis=1)), np.flatnonzero(marked.any(axis=0))
+    if not len(rows):
+        return (0, 0, 0, 0)
+    return (int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1)
+
+
+def epoch_order(n_views: int, seed: int, epoch: int) -> Int[np.ndarray, " n"]:
+    """Give the order in which an epoch shows all views: a function of seed and epoch, so that a resumed run needs no state for it."""
+    return np.random.default_rng([seed, epoch, 1]).permutation(n_views)
+
+
+def evenly_spaced(views: tuple[View, ...], count: int) -> list[int]:
+    """Give the indices of at most `count` views, evenly spaced over (timestep, camera)."""
+    order = sorted(range(len(views)), key=lambda i: (views[i].timestep, views[i].camera_index))
+    chosen = np.unique(np.linspace(0, len(order) - 1, min(count, len(order))).round().astype(int))
+    return [order[i] for i in chosen]
