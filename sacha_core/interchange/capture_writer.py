@@ -7,7 +7,7 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,7 @@ class CaptureWriter:
     ```
     writer = CaptureWriter(root, "anna", head.reference)
     for name, motion in sequences:
-        sequence = writer.sequence(name, motion, n_cameras=16)
+        sequence = writer.sequence(name, motion, range(16))
         if not sequence.is_complete():
             for ...: sequence.add(timestep, camera_index, camera, image, mask)   # from any thread
             sequence.finish()
@@ -69,15 +69,15 @@ class CaptureWriter:
         if not re.fullmatch(r"[A-Za-z0-9.-]+", self.subject):
             raise DatasetError(f"subject {self.subject!r}: expected letters, digits, '-' and '.'")
 
-    def sequence(self, name: str, motion: Motion, n_cameras: int) -> SequenceWriter:
+    def sequence(self, name: str, motion: Motion, camera_indices: Iterable[int]) -> SequenceWriter:
         """Give the writer of one sequence.
 
         Args:
             name: such as "EMO-1"; no `_`.
             motion: parameters of its timesteps as they shall be written.
-            n_cameras: how many images each timestep has.
+            camera_indices: which cameras take an image at each timestep.
         """
-        return SequenceWriter(self, name, motion, n_cameras)
+        return SequenceWriter(self, name, motion, tuple(camera_indices))
 
     def folder(self, sequence: str) -> Path:
         """Give the folder of a sequence."""
@@ -136,14 +136,14 @@ class SequenceWriter:
         capture: the capture that it belongs to.
         name: such as "EMO-1".
         motion: parameters of its timesteps.
-        n_cameras: how many images each timestep has.
+        camera_indices: which cameras take an image at each timestep.
         records: frames added so far, by timestep and camera.
     """
 
     capture: CaptureWriter
     name: str
     motion: Motion
-    n_cameras: int
+    camera_indices: tuple[int, ...]
     records: dict[tuple[int, int], FrameRecord] = field(default_factory=dict)
 
     @property
@@ -159,7 +159,7 @@ class SequenceWriter:
             value = getattr(self.motion, f.name)
             if isinstance(value, np.ndarray):
                 digest.update(np.ascontiguousarray(value, np.float32).tobytes())
-        return {**self.capture.origin, "n_cameras": self.n_cameras, "motion_sha256": digest.hexdigest()}
+        return {**self.capture.origin, "camera_indices": self.camera_indices, "motion_sha256": digest.hexdigest()}
 
     def is_complete(self) -> bool:
         """Whether the folder already holds this sequence, made from the same origin, to its last file."""
@@ -194,9 +194,10 @@ class SequenceWriter:
         size = (camera.height, camera.width)
         if image.shape != (*size, 3) or mask.shape != size:
             raise DatasetError(f"{self.name}: image {image.shape} and mask {mask.shape} of a camera of (h, w) = {size}")
-        if not (0 <= timestep < len(self.motion) and 0 <= camera_index < self.n_cameras):
+        if not (0 <= timestep < len(self.motion) and camera_index in self.camera_indices):
             raise DatasetError(
-                f"{self.name}: no timestep {timestep}, camera {camera_index} in {len(self.motion)} by {self.n_cameras}"
+                f"{self.name}: no timestep {timestep}, camera {camera_index}; there are {len(self.motion)} timesteps, "
+                f"cameras {self.camera_indices}"
             )
         if not self.records:
             (self.folder / EVERYTHING).unlink(missing_ok=True)  # from here on the folder is incomplete
@@ -224,7 +225,7 @@ class SequenceWriter:
             OSError: a file cannot be written.
         """
         n_timesteps = len(self.motion)
-        for key in ((t, c) for t in range(n_timesteps) for c in range(self.n_cameras)):
+        for key in ((t, c) for t in range(n_timesteps) for c in self.camera_indices):
             if key not in self.records:
                 raise DatasetError(f"{self.folder}: the image of timestep {key[0]}, camera {key[1]} was not added")
         for t in range(n_timesteps):

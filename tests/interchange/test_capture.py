@@ -57,7 +57,7 @@ def write_capture(root: Path, head: HeadReference | None = HEAD) -> Path:
     writer = CaptureWriter(root, "ann", head, validation_camera=VALIDATION, origin={"seed": 1})
     sequences = []
     for s, (name, n) in enumerate(TIMESTEPS.items()):
-        sequence = writer.sequence(name, motion_of(s, n), N_CAMERAS)
+        sequence = writer.sequence(name, motion_of(s, n), range(N_CAMERAS))
         for t in range(n):
             for c in range(N_CAMERAS):
                 mask = image_of(s, t, c)[..., 0]
@@ -327,7 +327,11 @@ CORRUPTIONS: dict[str, tuple[Callable[[Path], Path], str]] = {
     "height broken": (edit_frame("h", 3.5), "h is 3.5, expected a whole number"),
     "timestep negative": (edit_frame("timestep_index", -1), "timestep_index is -1"),
     "path missing": (edit_frame("file_path", None), "file_path is None, expected a path"),
-    "path to nothing": (edit_frame("flame_param_path", "flame_param/99999.npz"), "do not exist"),
+    "two sets of parameters": (
+        edit_frame("flame_param_path", "flame_param/99999.npz"),
+        "timestep 1 has two parameter files",
+    ),
+    "path to nothing": (edit_frame("file_path", "images/99999"), "does not exist"),
     "head.json without a hash": (
         in_union("head.json", lambda p: p.write_text('{"name": "x"}')),
         "expected name, sha256",
@@ -341,7 +345,7 @@ def test_corruption_is_named(copy: Path, name: str) -> None:
     broken = corrupt(copy)
     with pytest.raises(DatasetError, match=message) as caught:
         read_capture(copy)
-    named = broken.name if "path to nothing" not in name else "99999.npz"
+    named = {"path to nothing": "99999.png", "two sets of parameters": "99999.npz"}.get(name, broken.name)
     assert named in str(caught.value), "the message names the file"
 
 
@@ -371,17 +375,17 @@ def test_no_capture_at_all(tmp_path: Path) -> None:
 
 def test_a_complete_sequence_is_kept_only_if_made_from_the_same(written: Path) -> None:
     writer = CaptureWriter(written, "ann", HEAD, validation_camera=VALIDATION, origin={"seed": 1})
-    assert writer.sequence("EMO-1", motion_of(0, 2), N_CAMERAS).is_complete()
-    assert not writer.sequence("EMO-1", motion_of(1, 2), N_CAMERAS).is_complete()
-    assert not writer.sequence("EMO-1", motion_of(0, 2), N_CAMERAS + 1).is_complete()
-    assert not writer.sequence("EXP-9", motion_of(0, 2), N_CAMERAS).is_complete()
+    assert writer.sequence("EMO-1", motion_of(0, 2), range(N_CAMERAS)).is_complete()
+    assert not writer.sequence("EMO-1", motion_of(1, 2), range(N_CAMERAS)).is_complete()
+    assert not writer.sequence("EMO-1", motion_of(0, 2), range(N_CAMERAS + 1)).is_complete()
+    assert not writer.sequence("EXP-9", motion_of(0, 2), range(N_CAMERAS)).is_complete()
     other = CaptureWriter(written, "ann", HEAD, validation_camera=VALIDATION, origin={"seed": 2})
-    assert not other.sequence("EMO-1", motion_of(0, 2), N_CAMERAS).is_complete()
+    assert not other.sequence("EMO-1", motion_of(0, 2), range(N_CAMERAS)).is_complete()
 
 
 def test_an_interrupted_sequence_is_incomplete(copy: Path) -> None:
     writer = CaptureWriter(copy.parent, "ann", HEAD, validation_camera=VALIDATION, origin={"seed": 1})
-    sequence = writer.sequence("EMO-1", motion_of(0, 2), N_CAMERAS)
+    sequence = writer.sequence("EMO-1", motion_of(0, 2), range(N_CAMERAS))
     sequence.add(0, 0, camera_at(0, 0), image_of(0, 0, 0), image_of(0, 0, 0)[..., 0])
     assert not sequence.is_complete()
     with pytest.raises(DatasetError, match="timestep 0, camera 1 was not added"):
@@ -390,7 +394,7 @@ def test_an_interrupted_sequence_is_incomplete(copy: Path) -> None:
 
 def test_writer_refuses_what_it_could_not_read(tmp_path: Path) -> None:
     writer = CaptureWriter(tmp_path, "ann")
-    sequence = writer.sequence("EMO-1", motion_of(0, 2), N_CAMERAS)
+    sequence = writer.sequence("EMO-1", motion_of(0, 2), range(N_CAMERAS))
     image = image_of(0, 0, 0)
     with pytest.raises(DatasetError, match=r"image \(18, 12, 3\) and mask \(18, 11\)"):
         sequence.add(0, 0, camera_at(0, 0), image, image[:, 1:, 0])
