@@ -98,17 +98,20 @@ def _read_array(stream: io.BytesIO, n_bytes: int, name: str) -> np.ndarray:
     return flat.reshape(shape[::-1]).T if fortran_order else flat.reshape(shape)
 
 
-def write_npz(path: str | os.PathLike[str], arrays: Mapping[str, np.ndarray]) -> None:
+def write_npz(path: str | os.PathLike[str], arrays: Mapping[str, np.ndarray], *, compress: bool = False) -> None:
     """Write arrays as an `.npz` file, aside and then moved into place; no clock goes into the bytes.
+
+    Args:
+        path: the file.
+        arrays: by name.
+        compress: by deflate, which pays where arrays are mostly zeros.
 
     Raises:
         OSError: the file cannot be written.
     """
-    with (
-        write_aside(path) as aside,
-        aside.open("wb") as stream,
-        zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive,
-    ):
+    with write_aside(path) as aside, aside.open("wb") as stream, zipfile.ZipFile(stream, "w") as archive:
         for name, array in arrays.items():
-            with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:
+            entry = zipfile.ZipInfo(f"{name}.npy")
+            entry.compress_type = zipfile.ZIP_DEFLATED if compress else zipfile.ZIP_STORED
+            with archive.open(entry, "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)

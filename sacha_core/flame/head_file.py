@@ -17,8 +17,8 @@ __all__ = ["head_from_arrays", "head_to_arrays", "is_head_archive", "load_head",
 
 INTEGER = ("faces", "parents", "uv_faces")
 OPTIONAL = ("posedirs", "uv", "uv_faces")
-SCALARS = ("name", "n_teeth_faces", "masks")
-REQUIRED = tuple(f.name for f in fields(HeadModel) if f.name not in {*OPTIONAL, *SCALARS})
+APART = ("name", "n_teeth_faces", "masks", "expression_names")
+REQUIRED = tuple(f.name for f in fields(HeadModel) if f.name not in {*OPTIONAL, *APART})
 MASK_PREFIX = "mask_"
 MAX_NAME = 200
 
@@ -67,6 +67,8 @@ def head_to_arrays(head: HeadModel) -> dict[str, np.ndarray]:
         array = getattr(head, name)
         if array is not None:
             arrays[name] = np.ascontiguousarray(array, np.int32 if name in INTEGER else np.float32)
+    if head.expression_names:
+        arrays["expression_names"] = np.array(head.expression_names)
     return arrays | {MASK_PREFIX + name: mask.astype(np.int32) for name, mask in sorted(head.masks.items())}
 
 
@@ -94,6 +96,9 @@ def head_from_arrays(arrays: Mapping[str, np.ndarray], default_name: str) -> Hea
         n_teeth_faces=int(_numbers("n_teeth_faces", arrays["n_teeth_faces"].reshape(-1)[:1], integer=True).sum())
         if "n_teeth_faces" in arrays
         else 0,
+        expression_names=tuple(
+            str(name)[:MAX_NAME] for name in arrays.get("expression_names", np.zeros(0, "U")).reshape(-1)
+        ),
         **{
             name: _numbers(name, arrays[name], integer=name in INTEGER)
             for name in (*REQUIRED, *OPTIONAL)

@@ -53,6 +53,7 @@ class HeadModel:
         uv_faces: (f, 3) indices into `uv`, or None.
         masks: vertex indices by region name, FLAME's official names (`face`, `lips`, `left_eyeball`, ...).
         n_teeth_faces: how many of the last triangles are teeth (168 where the teeth of GaussianAvatars were added, else 0).
+        expression_names: name of each expression component, or none.
 
     Source: Li et al., FLAME, SIGGRAPH Asia 2017.
     """
@@ -70,6 +71,7 @@ class HeadModel:
     uv_faces: Int[np.ndarray, "f 3"] | None = None
     masks: dict[str, Int[np.ndarray, " m"]] = field(default_factory=dict)
     n_teeth_faces: int = 0
+    expression_names: tuple[str, ...] = ()
 
     @property
     def n_vertices(self) -> int:
@@ -120,6 +122,10 @@ class HeadModel:
             )
         if not 0 <= self.n_teeth_faces <= f:
             raise HeadError(f"head {self.name!r} claims {self.n_teeth_faces} teeth triangles of {f}")
+        if len(self.expression_names) not in {0, self.exprdirs.shape[2]}:
+            raise HeadError(
+                f"head {self.name!r} names {len(self.expression_names)} expressions, but has directions for {self.exprdirs.shape[2]}"
+            )
 
     def _check_shapes(self, expected: dict[str, tuple[int | None, ...]]) -> None:
         for name, shape in expected.items():
