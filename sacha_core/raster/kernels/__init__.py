@@ -1,0 +1,1 @@
+"""Numba kernels of the rasteriser: serial, over ranges, without Python's lock."""

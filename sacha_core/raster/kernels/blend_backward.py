@@ -1,0 +1,205 @@
+"""Fourth stage: repeat the blending front to back and sum the gradients of each entry.
+
+Going front to back needs no record of where each pixel stopped: with `rest` the part of the gradient's image that lies behind,
+    dL/dalpha = T q - rest / (1 - alpha),   q = sum_k c_k dL/dC_k,
+and `rest` starts at sum_k dL/dC_k C_k, background included, and loses w q at each Gaussian.
+Alpha times that, with w = alpha T and T' = T (1 - alpha), is w (q - rest / T').
+Each entry has a place of its own to write to, so no order of threads can change a bit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from sacha_core.raster.kernels.blend import AHEAD, alpha_power, open_tile
+from sacha_core.raster.kernels.lanes import (
+    LANES,
+    absolute,
+    fma,
+    load,
+    load_spread,
+    minimum,
+    prefetch,
+    select,
+    splat,
+    store,
+    sums,
+    zeros,
+)
+from sacha_core.raster.kernels.layout import (
+    ALPHA_MAX,
+    KEY_TILE,
+    POWER_MIN,
+    R_A,
+    R_B,
+    R_C,
+    R_COLOUR,
+    R_OPACITY,
+    R_X,
+    R_Y,
+    RECORD,
+    TILE_HEIGHT,
+    TILE_PIXELS,
+    TILE_VECTORS,
+    TILE_WIDTH,
+    TRANSMITTANCE_MIN,
+)
+
+F = np.float32
+REST = TILE_PIXELS  # plane of the scratch; the gradients of up to four channels follow
+UPSTREAM = 2 * TILE_PIXELS
+BACKWARD_SCRATCH = 6 * TILE_PIXELS
+
+
+@njit
+def load_upstream(channels, gradient, top, left, rows, across, scratch):
+    """Copy the tile's part of an image (c, h, w) into the scratch, zero outside."""
+    for k in range(channels):
+        plane = UPSTREAM + k * TILE_PIXELS
+        for y in range(TILE_HEIGHT):
+            for x in range(TILE_WIDTH):
+                inside = y < rows and x < across
+                scratch[plane + y * TILE_WIDTH + x] = gradient[k, top + y, left + x] if inside else F(0)
+
+
+@njit
+def load_rest(channels, image, transmittance, transmittance_gradient, top, left, rows, across, scratch):
+    """Start the rest: gradient times image, plus the transmittance's share where it has a gradient."""
+    with_transmittance = len(transmittance_gradient) > 0
+    for y in range(rows):
+        for x in range(across):
+            pixel = y * TILE_WIDTH + x
+            rest = F(0)
+            for k in range(channels):
+                rest += scratch[UPSTREAM + k * TILE_PIXELS + pixel] * image[k, top + y, left + x]
+            if with_transmittance:
+                rest += transmittance[top + y, left + x] * transmittance_gradient[top + y, left + x]
+            scratch[REST + pixel] = rest
+
+
+@njit(cache=True, nogil=True)
+def blend_backward(  # noqa: PLR0915 - one loop, whose sums live in registers
+    first_tile, last_tile, start, done, owner, origin, records, x_lanes, y_lanes, background, image, transmittance,
+    image_gradient, transmittance_gradient, entry_gradients, scratch,
+):  # fmt: skip
+    """Sum the gradients of every entry of the tiles `first_tile` up to `last_tile`.
+
+    Arguments as of `blend`; further
+        origin: of each entry: its row in `entry_gradients`.
+        image_gradient: (c, h, w) gradient of the loss by the image.
+        transmittance_gradient: (h, w), or (0, 0) for none.
+        entry_gradients: (entries, 16) result, flat.
+    """
+    channels = len(background)
+    height, width = transmittance.shape
+    columns = len(x_lanes) // LANES
+    for tile in range(first_tile, last_tile):
+        for e in range(done[tile], start[tile + 1]):
+            store(entry_gradients, origin[e] * RECORD, zeros())
+        end = done[tile]
+        if start[tile] == end:
+            continue
+        top, left = tile // columns * TILE_HEIGHT, tile % columns * TILE_WIDTH
+        rows, across = min(TILE_HEIGHT, height - top), min(TILE_WIDTH, width - left)
+        open_tile(scratch, across, rows)
+        load_upstream(channels, image_gradient, top, left, rows, across, scratch)
+        load_rest(channels, image, transmittance, transmittance_gradient, top, left, rows, across, scratch)
+        x_tile = load(x_lanes, tile % columns * LANES)
+        y_tile = tile // columns * TILE_VECTORS
+        for e in range(start[tile], end):
+            if e + AHEAD < end:
+                prefetch(records, (owner[e + AHEAD] >> KEY_TILE) * RECORD)
+            key = owner[e]
+            at = (key >> KEY_TILE) * RECORD
+            dx = x_tile - load_spread(records, at + R_X)
+            mean_y = load_spread(records, at + R_Y)
+            across_power = fma(load_spread(records, at + R_A) * dx, dx, load_spread(records, at + R_OPACITY))
+            slope = load_spread(records, at + R_B) * dx
+            curve = load_spread(records, at + R_C)
+            sum_s, sum_y, sum_yy = zeros(), zeros(), zeros()
+            colour0, colour1, colour2, colour3 = zeros(), zeros(), zeros(), zeros()
+            for vector in range((key & 1023) >> 6, ((key & 31) >> 1) + 1):
+                dy = load(y_lanes, (y_tile + vector) * LANES) - mean_y
+                power = fma(fma(curve, dy, slope), dy, across_power)
+                unclamped = alpha_power(power)
+                alpha = minimum(unclamped, splat(ALPHA_MAX))
+                alpha = select(power >= splat(POWER_MIN), alpha, zeros())
+                pixel = vector * LANES
+                t = load(scratch, pixel)
+                weight = alpha * t
+                after = t - weight
+                open_ = after > splat(TRANSMITTANCE_MIN)
+                store(scratch, pixel, select(open_, after, -absolute(t)))
+                weight = select(open_, weight, zeros())
+                upstream = load(scratch, UPSTREAM + pixel)
+                q = load_spread(records, at + R_COLOUR) * upstream
+                colour0 = fma(weight, upstream, colour0)
+                if channels > 1:
+                    upstream = load(scratch, UPSTREAM + TILE_PIXELS + pixel)
+                    q = fma(load_spread(records, at + R_COLOUR + 1), upstream, q)
+                    colour1 = fma(weight, upstream, colour1)
+                if channels > 2:
+                    upstream = load(scratch, UPSTREAM + 2 * TILE_PIXELS + pixel)
+                    q = fma(load_spread(records, at + R_COLOUR + 2), upstream, q)
+                    colour2 = fma(weight, upstream, colour2)
+                if channels > 3:
+                    upstream = load(scratch, UPSTREAM + 3 * TILE_PIXELS + pixel)
+                    q = fma(load_spread(records, at + R_COLOUR + 3), upstream, q)
+                    colour3 = fma(weight, upstream, colour3)
+                rest = load(scratch, REST + pixel) - weight * q
+                store(scratch, REST + pixel, rest)
+                s = select(open_ & (unclamped < splat(ALPHA_MAX)), weight * (q - rest / after), zeros())
+                s_dy = s * dy
+                sum_s = sum_s + s
+                sum_y = sum_y + s_dy
+                sum_yy = fma(s_dy, dy, sum_yy)
+            sum_x = sum_s * dx
+            gathered = sums((
+                sum_s, sum_x, sum_y, sum_x * dx, sum_y * dx, sum_yy, colour0, colour1, colour2, colour3,
+            ))  # fmt: skip
+            store(entry_gradients, origin[e] * RECORD, gathered)
+
+
+@njit(cache=True, nogil=True)
+def blend_weights(
+    first_tile, last_tile, start, done, owner, origin, records, x_lanes, y_lanes, pixel_weights, entry_sums, scratch
+):  # fmt: skip
+    """Sum, for every entry, the blending weight times four images of pixel weights (4, h, w); arguments as of `blend_backward`."""
+    height, width = pixel_weights.shape[1:]
+    columns = len(x_lanes) // LANES
+    for tile in range(first_tile, last_tile):
+        for e in range(done[tile], start[tile + 1]):
+            store(entry_sums, origin[e] * RECORD, zeros())
+        top, left = tile // columns * TILE_HEIGHT, tile % columns * TILE_WIDTH
+        rows, across = min(TILE_HEIGHT, height - top), min(TILE_WIDTH, width - left)
+        open_tile(scratch, across, rows)
+        load_upstream(4, pixel_weights, top, left, rows, across, scratch)
+        x_tile = load(x_lanes, tile % columns * LANES)
+        y_tile = tile // columns * TILE_VECTORS
+        for e in range(start[tile], done[tile]):
+            key = owner[e]
+            at = (key >> KEY_TILE) * RECORD
+            dx = x_tile - load_spread(records, at + R_X)
+            mean_y = load_spread(records, at + R_Y)
+            across_power = fma(load_spread(records, at + R_A) * dx, dx, load_spread(records, at + R_OPACITY))
+            slope = load_spread(records, at + R_B) * dx
+            curve = load_spread(records, at + R_C)
+            sum0, sum1, sum2, sum3 = zeros(), zeros(), zeros(), zeros()
+            for vector in range((key & 1023) >> 6, ((key & 31) >> 1) + 1):
+                dy = load(y_lanes, (y_tile + vector) * LANES) - mean_y
+                power = fma(fma(curve, dy, slope), dy, across_power)
+                alpha = minimum(alpha_power(power), splat(ALPHA_MAX))
+                alpha = select(power >= splat(POWER_MIN), alpha, zeros())
+                pixel = vector * LANES
+                t = load(scratch, pixel)
+                weight = alpha * t
+                after = t - weight
+                open_ = after > splat(TRANSMITTANCE_MIN)
+                store(scratch, pixel, select(open_, after, -absolute(t)))
+                weight = select(open_, weight, zeros())
+                sum0 = fma(weight, load(scratch, UPSTREAM + pixel), sum0)
+                sum1 = fma(weight, load(scratch, UPSTREAM + TILE_PIXELS + pixel), sum1)
+                sum2 = fma(weight, load(scratch, UPSTREAM + 2 * TILE_PIXELS + pixel), sum2)
+                sum3 = fma(weight, load(scratch, UPSTREAM + 3 * TILE_PIXELS + pixel), sum3)
+            store(entry_sums, origin[e] * RECORD, sums((sum0, sum1, sum2, sum3)))

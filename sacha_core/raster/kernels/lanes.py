@@ -1,0 +1,411 @@
+"""Sixteen float32 numbers as one value, for Numba kernels.
+
+The loop vectoriser is a matter of luck: one float64 literal, one possible alias or one processor that "prefers" 256-bit registers, and the
+inner loop falls back to scalars. Here a kernel says what it wants: `a * b + c` on sixteen lanes is one LLVM vector instruction each, which
+becomes one 512-bit, two 256-bit or four 128-bit instructions, whatever the processor has.
+
+No fast-math flag is set, so every kernel that writes the same expression gets the same bits: the backward pass relies on it when it
+repeats the forward pass. Where a fused multiply-add is wanted, say `fma`.
+
+Numba's cache of a kernel does not notice a change of this file: delete `__pycache__` after editing it.
+
+Source: own.
+"""
+
+# ruff: noqa: ARG001, PLW0108 - Numba looks at names and numbers of arguments, and overloads must be Python functions
+from __future__ import annotations
+
+import operator
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic, models, overload, register_model
+
+__all__ = [
+    "LANES",
+    "absolute",
+    "ceiling",
+    "exponent",
+    "floor",
+    "fma",
+    "load",
+    "load_spread",
+    "load_strided",
+    "mantissa",
+    "maximum",
+    "minimum",
+    "prefetch",
+    "select",
+    "some",
+    "splat",
+    "square_root",
+    "store",
+    "store_interleaved",
+    "sums",
+    "zeros",
+]
+
+LANES = 16
+FLOAT = ir.FloatType()
+INT = ir.IntType(32)
+VECTOR = ir.VectorType(FLOAT, LANES)
+INTS = ir.VectorType(INT, LANES)
+BITS = ir.VectorType(ir.IntType(1), LANES)
+
+
+class LanesType(types.Type):
+    """Numba's type of sixteen float32."""
+
+    def __init__(self):
+        super().__init__(name="float32x16")
+
+
+class MaskType(types.Type):
+    """Numba's type of sixteen truth values."""
+
+    def __init__(self):
+        super().__init__(name="boolx16")
+
+
+lanes_type = LanesType()
+mask_type = MaskType()
+
+
+@register_model(LanesType)
+class LanesModel(models.PrimitiveModel):
+    """Sixteen float32 lie in one vector register."""
+
+    def __init__(self, dmm, fe_type):
+        super().__init__(dmm, fe_type, VECTOR)
+
+
+@register_model(MaskType)
+class MaskModel(models.PrimitiveModel):
+    """Sixteen truth values lie in one mask register."""
+
+    def __init__(self, dmm, fe_type):
+        super().__init__(dmm, fe_type, BITS)
+
+
+# ---- memory -------------------------------------------------------------------------------------------------------------------------
+
+
+def address(context, builder, array_type, array, index):
+    data = context.make_array(array_type)(context, builder, array).data
+    return builder.gep(data, [index], inbounds=True)
+
+
+@intrinsic
+def load(typingctx, array, index):
+    """Give the sixteen numbers of a flat float32 array that begin at `index`."""
+
+    def codegen(context, builder, signature, args):
+        pointer = address(context, builder, signature.args[0], args[0], args[1])
+        return builder.load(builder.bitcast(pointer, VECTOR.as_pointer()), align=4)
+
+    return lanes_type(array, types.intp), codegen
+
+
+@intrinsic
+def store(typingctx, array, index, value):
+    """Write sixteen numbers to a flat float32 array from `index` on."""
+
+    def codegen(context, builder, signature, args):
+        pointer = address(context, builder, signature.args[0], args[0], args[1])
+        builder.store(args[2], builder.bitcast(pointer, VECTOR.as_pointer()), align=4)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, lanes_type), codegen
+
+
+@intrinsic
+def load_spread(typingctx, array, index):
+    """Give one number of a flat float32 array, repeated in every lane."""
+
+    def codegen(context, builder, signature, args):
+        return spread(builder, builder.load(address(context, builder, signature.args[0], args[0], args[1]), align=4))
+
+    return lanes_type(array, types.intp), codegen
+
+
+@intrinsic(prefer_literal=True)
+def load_strided(typingctx, array, index, stride, part):
+    """Give every `stride`-th number from `index + part` on: one column of sixteen rows; `stride` and `part` are literals."""
+    if not (isinstance(stride, types.IntegerLiteral) and isinstance(part, types.IntegerLiteral)):
+        return None
+    step, offset = stride.literal_value, part.literal_value
+
+    def codegen(context, builder, signature, args):
+        pointer = address(context, builder, signature.args[0], args[0], args[1])
+        wide = ir.VectorType(FLOAT, LANES * step)
+        rows = builder.load(builder.bitcast(pointer, wide.as_pointer()), align=4)
+        return shuffle(builder, rows, rows, [lane * step + offset for lane in range(LANES)])
+
+    return lanes_type(array, types.intp, stride, part), codegen
+
+
+def shuffle(builder, a, b, order):
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INT, len(order)), [INT(k) for k in order]))
+
+
+@intrinsic
+def store_interleaved(typingctx, array, index, columns):
+    """Write sixteen rows of two, three or four numbers, given as a tuple of columns."""
+
+    def codegen(context, builder, signature, args):
+        pointer = address(context, builder, signature.args[0], args[0], args[1])
+        parts = cgutils.unpack_tuple(builder, args[2])
+        order = [part * LANES + lane for lane in range(LANES) for part in range(len(parts))]
+        parts += [ir.Constant(VECTOR, ir.Undefined)] * (4 - len(parts))
+        pairs = [shuffle(builder, parts[k], parts[k + 1], list(range(2 * LANES))) for k in (0, 2)]
+        rows = shuffle(builder, *pairs, order)
+        builder.store(rows, builder.bitcast(pointer, rows.type.as_pointer()), align=4)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, columns), codegen
+
+
+@intrinsic
+def prefetch(typingctx, array, index):
+    """Ask for the cache line of `array[index]`; any index is allowed, and the contents are not touched."""
+
+    def codegen(context, builder, signature, args):
+        data = context.make_array(signature.args[0])(context, builder, args[0]).data
+        pointer = builder.bitcast(builder.gep(data, [args[1]]), ir.PointerType(ir.IntType(8)))
+        kind = ir.FunctionType(ir.VoidType(), [pointer.type, INT, INT, INT])
+        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        builder.call(function, [pointer, INT(0), INT(3), INT(1)])
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp), codegen
+
+
+# ---- arithmetic ---------------------------------------------------------------------------------------------------------------------
+
+
+def spread(builder, scalar):
+    empty = ir.Constant(VECTOR, ir.Undefined)
+    first = builder.insert_element(empty, scalar, INT(0))
+    return builder.shuffle_vector(first, empty, ir.Constant(INTS, None))
+
+
+@intrinsic
+def splat(typingctx, number):
+    """Repeat a number in every lane."""
+
+    def codegen(context, builder, signature, args):
+        return spread(builder, context.cast(builder, args[0], signature.args[0], types.float32))
+
+    return lanes_type(number), codegen
+
+
+@njit
+def zeros():
+    """Give sixteen zeros."""
+    return splat(np.float32(0))
+
+
+def unary(name, kind):
+    """Make the intrinsic of one of LLVM's functions of one vector."""
+
+    @intrinsic
+    def function(typingctx, x):
+        def codegen(context, builder, signature, args):
+            called = cgutils.get_or_insert_function(builder.module, ir.FunctionType(VECTOR, [VECTOR]), kind)
+            return builder.call(called, args)
+
+        return lanes_type(lanes_type), codegen
+
+    function.__doc__ = name
+    return function
+
+
+absolute = unary("Absolute value.", "llvm.fabs.v16f32")
+square_root = unary("Square root, correctly rounded.", "llvm.sqrt.v16f32")
+floor = unary("Largest whole number not above.", "llvm.floor.v16f32")
+ceiling = unary("Smallest whole number not below.", "llvm.ceil.v16f32")
+
+
+@intrinsic
+def fma(typingctx, a, b, c):
+    """Give a b + c, rounded once where the processor can."""
+
+    def codegen(context, builder, signature, args):
+        kind = ir.FunctionType(VECTOR, [VECTOR] * 3)
+        return builder.call(cgutils.get_or_insert_function(builder.module, kind, "llvm.fmuladd.v16f32"), args)
+
+    return lanes_type(lanes_type, lanes_type, lanes_type), codegen
+
+
+@intrinsic
+def minimum(typingctx, a, b):
+    """Give the smaller of a and b; b where a is not a number."""
+
+    def codegen(context, builder, signature, args):
+        return builder.select(builder.fcmp_ordered("<", *args), *args)
+
+    return lanes_type(lanes_type, lanes_type), codegen
+
+
+@intrinsic
+def maximum(typingctx, a, b):
+    """Give the larger of a and b; b where a is not a number."""
+
+    def codegen(context, builder, signature, args):
+        return builder.select(builder.fcmp_ordered(">", *args), *args)
+
+    return lanes_type(lanes_type, lanes_type), codegen
+
+
+@intrinsic
+def select(typingctx, mask, a, b):
+    """Give a where the mask is true, b elsewhere."""
+
+    def codegen(context, builder, signature, args):
+        return builder.select(*args)
+
+    return lanes_type(mask_type, lanes_type, lanes_type), codegen
+
+
+@intrinsic
+def some(typingctx, mask):
+    """Is any lane of the mask true?"""
+
+    def codegen(context, builder, signature, args):
+        word = builder.bitcast(args[0], ir.IntType(LANES))
+        return builder.icmp_unsigned("!=", word, ir.Constant(word.type, 0))
+
+    return types.boolean(mask_type), codegen
+
+
+@intrinsic
+def exponent(typingctx, x):
+    """Give the binary exponent of positive normal numbers: x = mantissa(x) 2^exponent(x)."""
+
+    def codegen(context, builder, signature, args):
+        bits = builder.lshr(builder.bitcast(args[0], INTS), ir.Constant(INTS, [INT(23)] * LANES))
+        return builder.sitofp(builder.sub(bits, ir.Constant(INTS, [INT(127)] * LANES)), VECTOR)
+
+    return lanes_type(lanes_type), codegen
+
+
+@intrinsic
+def mantissa(typingctx, x):
+    """Give the mantissa of positive normal numbers, in [1, 2)."""
+
+    def codegen(context, builder, signature, args):
+        bits = builder.and_(builder.bitcast(args[0], INTS), ir.Constant(INTS, [INT(0x7FFFFF)] * LANES))
+        return builder.bitcast(builder.or_(bits, ir.Constant(INTS, [INT(0x3F800000)] * LANES)), VECTOR)
+
+    return lanes_type(lanes_type), codegen
+
+
+def folded(builder, a, b, width):
+    """Add halves: groups of `width` lanes of a and then of b become groups of `width` / 2."""
+    half = width // 2
+    low = [k for k in range(2 * LANES) if k % width < half]
+    return builder.fadd(shuffle(builder, a, b, low), shuffle(builder, a, b, [k + half for k in low]))
+
+
+@intrinsic
+def sums(typingctx, columns):
+    """Give a vector whose lane k is the sum of the lanes of the k-th of a tuple of up to sixteen vectors; lanes beyond are zero."""
+
+    def codegen(context, builder, signature, args):
+        level = cgutils.unpack_tuple(builder, args[0])
+        nothing = ir.Constant(VECTOR, None)
+        for width in (16, 8, 4, 2):
+            level = [
+                folded(builder, level[k], level[k + 1] if k + 1 < len(level) else nothing, width)
+                for k in range(0, len(level), 2)
+            ]
+        return level[0]
+
+    return lanes_type(columns), codegen
+
+
+def binary(name):
+    """Make the intrinsic of an arithmetic operator."""
+
+    @intrinsic
+    def function(typingctx, a, b):
+        def codegen(context, builder, signature, args):
+            return getattr(builder, name)(*args)
+
+        return lanes_type(lanes_type, lanes_type), codegen
+
+    return function
+
+
+def comparison(sign):
+    """Make the intrinsic of a comparison, which is false for what is not a number."""
+
+    @intrinsic
+    def function(typingctx, a, b):
+        def codegen(context, builder, signature, args):
+            return builder.fcmp_ordered(sign, *args)
+
+        return mask_type(lanes_type, lanes_type), codegen
+
+    return function
+
+
+@intrinsic
+def both(typingctx, a, b):
+    def codegen(context, builder, signature, args):
+        return builder.and_(*args)
+
+    return mask_type(mask_type, mask_type), codegen
+
+
+@intrinsic
+def negative(typingctx, a):
+    def codegen(context, builder, signature, args):
+        return builder.fneg(args[0])
+
+    return lanes_type(lanes_type), codegen
+
+
+def bind(sign, function):
+    """Let an operator work on lanes, and on lanes with a number on one side."""
+
+    @overload(sign)
+    def operation(a, b):
+        if a == lanes_type and b == lanes_type:
+            return lambda a, b: function(a, b)
+        if a == lanes_type and isinstance(b, types.Number):
+            return lambda a, b: function(a, splat(b))
+        if b == lanes_type and isinstance(a, types.Number):
+            return lambda a, b: function(splat(a), b)
+        return None
+
+
+for sign, function in (
+    (operator.add, binary("fadd")),
+    (operator.sub, binary("fsub")),
+    (operator.mul, binary("fmul")),
+    (operator.truediv, binary("fdiv")),
+    (operator.lt, comparison("<")),
+    (operator.le, comparison("<=")),
+    (operator.gt, comparison(">")),
+    (operator.ge, comparison(">=")),
+):
+    bind(sign, function)
+
+
+@overload(operator.and_)
+def mask_and(a, b):
+    """Let & join masks."""
+    if a == mask_type and b == mask_type:
+        return lambda a, b: both(a, b)
+    return None
+
+
+@overload(operator.neg)
+def lanes_negative(a):
+    """Let - turn the sign of lanes."""
+    if a == lanes_type:
+        return lambda a: negative(a)
+    return None

@@ -1,0 +1,223 @@
+"""Draws Gaussians on the CPU, forward and backward."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from sacha_core.errors import OptionError
+from sacha_core.raster.binning import Binner, Bins
+from sacha_core.raster.buffers import Buffers
+from sacha_core.raster.camera import Camera
+from sacha_core.raster.kernels.blend import BLEND_SCRATCH, blend
+from sacha_core.raster.kernels.blend_backward import BACKWARD_SCRATCH, blend_backward, blend_weights
+from sacha_core.raster.kernels.layout import RECORD
+from sacha_core.raster.kernels.project_backward import GATHER_SCRATCH, gather_weights, project_backward
+from sacha_core.raster.pool import Pool
+from sacha_core.raster.splats import MAX_CHANNELS, SplatGradients, Splats
+
+__all__ = ["NEAR", "Frame", "Rasteriser", "Splats"]
+
+NEAR = 0.1  # metres; closer, a few splats would cover the image
+SCRATCH = max(BLEND_SCRATCH, BACKWARD_SCRATCH, GATHER_SCRATCH)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One drawn image and what the backward pass needs.
+
+    `image` and `transmittance` belong to the rasteriser and hold until its next call of `forward` or `bounds`: copy what is to be
+    kept, and do not write to them before `backward`.
+
+    Args:
+        image: (c, h, w) blended colours over the background.
+        transmittance: (h, w) how much of the background is seen, 0 to 1.
+        visible: (n,) which Gaussians touch a tile of the image with an alpha of at least 1/255.
+        splats: what was drawn.
+        camera: from where.
+        background: c numbers.
+        bins: the splats of each tile.
+    """
+
+    image: Float[np.ndarray, "c h w"]
+    transmittance: Float[np.ndarray, "h w"]
+    visible: Bool[np.ndarray, " n"]
+    splats: Splats
+    camera: Camera
+    background: tuple[np.float32, ...]
+    bins: Bins
+
+
+class Rasteriser:
+    """Draws splats as 3D Gaussian Splatting does, on some threads; owns their pool and its buffers, so one call at a time.
+
+    The result does not depend on the number of threads, to the bit.
+
+    Args:
+        threads: how many threads; None for one on each processor.
+        near: what is closer to the camera's plane than this is not drawn, metres.
+
+    Source: Kerbl et al., 3D Gaussian Splatting, SIGGRAPH 2023; thresholds and the clamped Jacobian as gsplat has them.
+    """
+
+    def __init__(self, threads: int | None = None, near: float = NEAR) -> None:
+        self._pool = Pool(threads)
+        self._buffers = Buffers()
+        self._binner = Binner(self._pool, self._buffers, near)
+        self.near = near
+
+    @property
+    def threads(self) -> int:
+        """Number of threads."""
+        return self._pool.threads
+
+    def forward(self, splats: Splats, camera: Camera, background: Float[np.ndarray, " c"]) -> Frame:
+        """Draw.
+
+        Args:
+            splats: n Gaussians with c channels.
+            camera: up to 16384 pixels a side.
+            background: (c,) what lies behind.
+
+        Raises:
+            OptionError: shapes disagree or the camera is unusable.
+            SachaError: a colour is not finite, or the splats touch more tiles than memory is given for.
+        """
+        splats = splats.prepared()
+        behind = np.asarray(background, np.float32)
+        if behind.shape != (splats.channels,) or not np.isfinite(behind).all():
+            raise OptionError(f"background is {behind.tolist()}, expected {splats.channels} finite numbers")
+        bins = self._binner.bin(splats, camera)
+        shape = (splats.channels, camera.height, camera.width)
+        image = self._buffers.space("image", int(np.prod(shape)), np.float32).reshape(shape)
+        transmittance = self._buffers.space("transmittance", shape[1] * shape[2], np.float32).reshape(shape[1:])
+        constants = tuple(behind)
+        scratch, ranges = self._scratch(), bins.ranges
+
+        def job(worker: int, k: int) -> None:
+            blend(
+                ranges[k], ranges[k + 1], bins.start, bins.owner, bins.records, bins.x_lanes, bins.y_lanes,
+                constants, image, transmittance, bins.done, scratch[worker],
+            )  # fmt: skip
+
+        self._pool.run(job, len(ranges) - 1)
+        return Frame(image, transmittance, bins.count > 0, splats, camera, constants, bins)
+
+    def backward(
+        self,
+        frame: Frame,
+        image_gradient: Float[np.ndarray, "c h w"],
+        transmittance_gradient: Float[np.ndarray, "h w"] | None = None,
+    ) -> SplatGradients:
+        """Give the gradients of a loss by the splats of the frame drawn last.
+
+        Args:
+            frame: what the last `forward` gave.
+            image_gradient: (c, h, w) gradient of the loss by `frame.image`.
+            transmittance_gradient: (h, w) gradient by `frame.transmittance`; None for zero.
+
+        Returns:
+            Gradients whose arrays hold until the next `backward`.
+
+        Raises:
+            OptionError: the frame is not of the last `forward`, or a shape is wrong.
+        """
+        upstream = self._checked(frame, image_gradient, frame.image.shape)
+        upstream_t = np.zeros((0, 0), np.float32)
+        if transmittance_gradient is not None:
+            upstream_t = self._checked(frame, transmittance_gradient, frame.transmittance.shape)
+        bins, ranges, scratch = frame.bins, frame.bins.ranges, self._scratch()
+        sums = self._entry_sums(bins)
+
+        def job(worker: int, k: int) -> None:
+            blend_backward(
+                ranges[k], ranges[k + 1], bins.start, bins.done, bins.owner, bins.origin, bins.records, bins.x_lanes, bins.y_lanes,
+                frame.background, frame.image, frame.transmittance, upstream, upstream_t, sums, scratch[worker],
+            )  # fmt: skip
+
+        self._pool.run(job, len(ranges) - 1)
+        return self._project_backward(frame, sums)
+
+    def colour_weights(self, frame: Frame, pixel_weights: Float[np.ndarray, "m h w"]) -> Float[np.ndarray, "n m"]:
+        """Give for each Gaussian the sum over pixels of its blending weight times each image of pixel weights.
+
+        That is the gradient by a colour channel of sum_p weight_p C_p, without the geometry's: the importance pass.
+
+        Args:
+            frame: what the last `forward` gave.
+            pixel_weights: (m, h, w), finite.
+
+        Returns:
+            (n, m) float64.
+
+        Raises:
+            OptionError: the frame is not of the last `forward`, or a shape is wrong.
+        """
+        weights = self._checked(frame, pixel_weights, (len(pixel_weights), *frame.transmittance.shape))
+        bins, ranges, scratch = frame.bins, frame.bins.ranges, self._scratch()
+        sums = self._entry_sums(bins)
+        result = np.zeros((len(frame.splats), len(weights)))
+        for first in range(0, len(weights), MAX_CHANNELS):
+            part = weights[first : first + MAX_CHANNELS]
+            group = np.concatenate([part, np.zeros((MAX_CHANNELS - len(part), *part.shape[1:]), np.float32)])
+
+            def job(worker: int, k: int, group: np.ndarray = group) -> None:
+                blend_weights(
+                    ranges[k], ranges[k + 1], bins.start, bins.done, bins.owner, bins.origin, bins.records, bins.x_lanes, bins.y_lanes,
+                    group, sums, scratch[worker],
+                )  # fmt: skip
+
+            self._pool.run(job, len(ranges) - 1)
+            gathered = np.zeros((len(result), MAX_CHANNELS))
+            gather_weights(0, len(result), bins.first, bins.count, sums, gathered)
+            result[:, first : first + MAX_CHANNELS] = gathered[:, : len(part)]
+        return result
+
+    def bounds(self, splats: Splats, camera: Camera, margin: int = 0) -> tuple[int, int, int, int]:
+        """Give the rectangle of the image that the splats touch, to be given to `Camera.crop`.
+
+        Args:
+            splats: n Gaussians.
+            camera: the whole image's.
+            margin: pixels to add on each side, as far as the image reaches.
+
+        Returns:
+            left, top, width, height in pixels, at most a tile larger than needed; the whole image where no splat touches it.
+        """
+        left, top, right, bottom = self._binner.touched(splats.prepared(), camera)
+        left, top = max(left - margin, 0), max(top - margin, 0)
+        right, bottom = min(right + margin, camera.width), min(bottom + margin, camera.height)
+        return left, top, right - left, bottom - top
+
+    def _project_backward(self, frame: Frame, sums: np.ndarray) -> SplatGradients:
+        splats, bins, scratch = frame.splats, frame.bins, self._scratch()
+        n, channels = len(splats), splats.channels
+        widths = {"means": 3, "scales": 3, "quaternions": 4, "opacities": 1, "means_2d": 2, "colours": channels}
+        rows = len(bins.depth)  # whole blocks of lanes
+        out = {name: self._buffers.space("g_" + name, rows * width, np.float32) for name, width in widths.items()}
+
+        def job(worker: int, k: int) -> None:
+            project_backward(
+                *bins.inputs, n, channels, bins.view, bins.chunks[k], bins.chunks[k + 1], bins.first, bins.count, sums,
+                out["means"], out["scales"], out["quaternions"], out["opacities"], out["means_2d"], out["colours"], scratch[worker],
+            )  # fmt: skip
+
+        self._pool.run(job, len(bins.chunks) - 1)
+        shapes = {name: (n, width) if name != "opacities" else (n,) for name, width in widths.items()}
+        return SplatGradients(**{name: out[name][: n * widths[name]].reshape(shapes[name]) for name in out})
+
+    def _checked(self, frame: Frame, array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+        """Give a contiguous float32 array of this shape that belongs to a frame still valid."""
+        if frame.bins.serial != self._binner.serial:
+            raise OptionError("the frame is stale: the rasteriser has drawn another since")
+        if np.shape(array) != shape:
+            raise OptionError(f"an array for the frame has shape {np.shape(array)}, expected {shape}")
+        return np.ascontiguousarray(array, np.float32)
+
+    def _entry_sums(self, bins: Bins) -> np.ndarray:
+        return self._buffers.space("entry_sums", bins.capacity * RECORD, np.float32)
+
+    def _scratch(self) -> np.ndarray:
+        return self._buffers.space("scratch", self.threads * SCRATCH, np.float32).reshape(self.threads, SCRATCH)

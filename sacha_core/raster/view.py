@@ -1,0 +1,58 @@
+"""A camera as the kernels want it."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from sacha_core.errors import OptionError
+from sacha_core.raster.camera import Camera
+from sacha_core.raster.kernels import layout
+
+__all__ = ["MAX_SIDE", "lane_coordinates", "tile_grid", "view_parameters"]
+
+MAX_SIDE = 16384
+SLACK = 0.15  # of the image's side: how far outside it the Jacobian still follows the mean
+
+
+def view_parameters(camera: Camera, near: float) -> Float[np.ndarray, " k"]:
+    """Give the camera's parameters in the kernels' order, float32.
+
+    Raises:
+        OptionError: a side is not 1 to 16384 pixels, or a number is not finite.
+
+    Source: limits of the slopes as gsplat has them.
+    """
+    if not (1 <= camera.width <= MAX_SIDE and 1 <= camera.height <= MAX_SIDE):
+        raise OptionError(f"the image is {camera.width} x {camera.height} pixels, expected 1 to {MAX_SIDE} a side")
+    view = np.zeros(layout.VIEW)
+    view[layout.V_ROTATION : layout.V_ROTATION + 9] = np.ravel(camera.rotation)
+    view[layout.V_TRANSLATION : layout.V_TRANSLATION + 3] = camera.translation
+    view[[layout.V_FX, layout.V_FY]] = camera.fx, camera.fy
+    view[layout.V_X_MIN] = -(camera.cx + SLACK * camera.width) / camera.fx
+    view[layout.V_X_MAX] = (camera.width - camera.cx + SLACK * camera.width) / camera.fx
+    view[layout.V_Y_MIN] = -(camera.cy + SLACK * camera.height) / camera.fy
+    view[layout.V_Y_MAX] = (camera.height - camera.cy + SLACK * camera.height) / camera.fy
+    view[layout.V_NEAR] = near
+    view[[layout.V_CX, layout.V_CY]] = camera.cx, camera.cy
+    view[[layout.V_WIDTH, layout.V_HEIGHT]] = camera.width, camera.height
+    if not np.isfinite(view).all() or camera.fx <= 0 or camera.fy <= 0:
+        raise OptionError("a parameter of the camera is not finite, or a focal length is not positive")
+    return view.astype(np.float32)
+
+
+def tile_grid(camera: Camera) -> tuple[int, int]:
+    """Give the number of columns and rows of tiles."""
+    return -(-camera.width // layout.TILE_WIDTH), -(-camera.height // layout.TILE_HEIGHT)
+
+
+def lane_coordinates(camera: Camera) -> tuple[Float[np.ndarray, " a"], Float[np.ndarray, " b"]]:
+    """Give x of the sixteen lanes of each column of tiles, and y of those of each pair of rows, relative to the principal point.
+
+    Taken from there and not from the image's corner, they are the same to the bit in a cropped camera.
+    """
+    columns, rows = tile_grid(camera)
+    x = np.arange(columns * layout.TILE_WIDTH) + 0.5 - camera.cx
+    y = np.arange(rows * layout.TILE_HEIGHT) + 0.5 - camera.cy
+    x_lanes = np.tile(x.reshape(columns, 1, layout.TILE_WIDTH), (1, 2, 1))
+    return x_lanes.astype(np.float32).ravel(), np.repeat(y, layout.TILE_WIDTH).astype(np.float32)
