@@ -8,13 +8,14 @@ from jaxtyping import Float
 from sacha_core.flame.synthetic.loft import loft
 from sacha_core.flame.synthetic.relief import relief
 from sacha_core.flame.synthetic.sizes import Size
+from sacha_core.flame.synthetic.spline import smooth_step
 
 __all__ = ["EAR_CENTRE", "ear_rings"]
 
 EAR_CENTRE = (0.0720, 0.0060, -0.0560)  # where the left ear's outline is centred, on the side of the head
-HALF_LENGTH = 0.0310
-HALF_BREADTH = 0.0165
-SET_BACK = 0.0110  # of the middle of the outline behind its attachment
+HALF_LENGTH = 0.0325
+HALF_BREADTH = 0.0175
+SET_BACK = 0.0120  # of the middle of the outline behind its attachment
 LEAN_RAD = 0.20  # of the long axis, backwards
 FLARE = 0.50  # how far it stands off per distance behind its front
 
@@ -22,14 +23,16 @@ FLARE = 0.50  # how far it stands off per distance behind its front
 _FOLDS = {
     "rim_behind": (0.97, -0.0026),
     "rim": (1.0, 0.0004),
-    "rim_front": (0.91, 0.0020),
-    "scapha": (0.80, -0.0016),
-    "antihelix": (0.63, 0.0014),
-    "concha_edge": (0.50, -0.0010),
-    "concha": (0.34, -0.0075),
+    "rim_front": (0.89, 0.0026),
+    "scapha": (0.79, -0.0022),
+    "antihelix": (0.64, 0.0024),
+    "concha_edge": (0.53, -0.0004),
+    "concha": (0.40, -0.0100),
 }
-BOWL_DEPTH = -0.0090
-ROOT = (0.62, 0.80)  # size of the attachment, of the block's width and height
+BOWL_DEPTH = -0.0115
+BOWL_SHIFT = (-0.0035, -0.0040)  # of the middle folds: forwards and down
+TRAGUS = 0.0042  # how far the flap before the bowl stands up
+ROOT = (0.66, 0.74)  # size of the attachment, of the block's width and height
 
 
 def ear_rings(
@@ -48,7 +51,9 @@ def ear_rings(
     Source: own.
     """
     centre_uv = (border_uv.min(axis=0) + border_uv.max(axis=0)) / 2
-    foot_uv = centre_uv + (border_uv - centre_uv) * ROOT
+    half_uv = (border_uv.max(axis=0) - border_uv.min(axis=0)) / 2
+    # Heights of the loft are counted downwards.
+    foot_uv = centre_uv + half_uv * ROOT * np.stack([np.cos(turn_rad), -np.sin(turn_rad)], axis=1)
     foot = loft(foot_uv[:, 0], foot_uv[:, 1])
     root = foot + relief(foot)
     rings = []
@@ -66,10 +71,13 @@ def ear_rings(
 def _fold(turn_rad: Float[np.ndarray, " m"], scale: float, over: float) -> Float[np.ndarray, "m 3"]:
     cos, sin = np.cos(turn_rad), np.sin(turn_rad)
     # The outline is broad above and narrows to the lobe.
-    back = scale * HALF_BREADTH * cos * (1 + 0.18 * sin)
+    back = scale * HALF_BREADTH * cos * (1 + 0.26 * sin)
     up = scale * HALF_LENGTH * sin
+    inner = 1 - smooth_step(np.full_like(cos, scale), 0.5, 1.0)
+    back, up = back + inner * BOWL_SHIFT[0], up + inner * BOWL_SHIFT[1]
     # Folds run out towards the front, where the ear grows from the cheek.
     out = FLARE * (back + SET_BACK + 0.004) + over * (0.45 + 0.55 * (1 + cos) / 2)
+    out += TRAGUS * np.exp(-0.5 * (((1 + cos) / 0.18) ** 2 + ((scale - 0.58) / 0.10) ** 2))
     back = back + SET_BACK
     leant_back = back * np.cos(LEAN_RAD) + up * np.sin(LEAN_RAD)
     leant_up = up * np.cos(LEAN_RAD) - back * np.sin(LEAN_RAD)

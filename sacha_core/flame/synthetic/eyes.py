@@ -12,15 +12,17 @@ from sacha_core.flame.synthetic.sizes import Size
 
 __all__ = ["EYE_CENTRE", "EYE_RADIUS", "LID_CLEARANCE", "eyeball", "lid_rings"]
 
-EYE_CENTRE = (0.0325, 0.0190, 0.0268)  # of the left one
-EYE_RADIUS = 0.0134
+EYE_CENTRE = (0.0325, 0.0190, 0.0248)  # of the left one
+EYE_RADIUS = 0.0142
 LID_CLEARANCE = 0.0006  # between the eyeball and the inside of a lid
 LID_THICKNESS = 0.0011
-HALF_WIDTH = 0.0124  # of the opening between the lids
-OPENING = (0.0058, 0.0043)  # above and below the line of the corners
-FOLD_HALF_WIDTH = 0.0158
-FOLD = (0.0100, 0.0098)  # where the crease of the upper lid, and the faint one of the lower, run
+HALF_WIDTH = 0.0136  # of the opening between the lids
+OPENING = (0.0066, 0.0048)  # above and below the line of the corners
+FOLD_HALF_WIDTH = 0.0172
+FOLD = (0.0108, 0.0104)  # where the crease of the upper lid, and the faint one of the lower, run
 SLANT = 0.06  # how much higher the outer corner lies, per unit of width
+
+SUNKEN = 0.0015  # how far lids may lie behind the face around them
 
 # Rings from the orbit to the margin: place between the border (0), the crease (1) and the margin (2); share of the eyeball in the
 # shape, the rest being the face; depth of the fold above and below.
@@ -32,7 +34,7 @@ _OUTSIDE = {
     "margin": (2.0, 1.0, 0.0, 0.0),
 }
 # Rings behind the margin: how far on from the margin towards the equator of the eyeball, and clearance.
-_INSIDE = {"margin_in": (0.0, 0.0), "lid_in": (0.5, 0.0001), "socket": (1.1, 0.0006)}
+_INSIDE = {"margin_in": (0.0, 0.0), "lid_in": (0.35, 0.0001), "socket": (0.7, 0.0002)}
 SOCKET_DEPTH = 0.0030  # clearance of the point that closes the socket behind the eyeball
 
 
@@ -64,8 +66,13 @@ def lid_rings(
             at = locate(flat[:, 0], flat[:, 1], guess[:, 0], guess[:, 1])
             face = loft(*at)
             face_z = (face + relief(face))[:, 2]
-            z = face_z + of_eyeball * (_on_eyeball(flat, LID_CLEARANCE + LID_THICKNESS) - face_z)
+            lid_z = _on_eyeball(flat, LID_CLEARANCE + LID_THICKNESS)
+            if of_eyeball < 1:  # past the edge of the eyeball the face goes on as it was
+                lid_z = np.maximum(lid_z, face_z - SUNKEN)
+            z = face_z + of_eyeball * (lid_z - face_z)
             z -= np.where(sin > 0, above, below) * np.abs(sin)
+            over_eyeball = np.hypot(*(flat - EYE_CENTRE[:2]).T) < EYE_RADIUS
+            z = np.where(over_eyeball, np.maximum(z, _on_eyeball(flat, LID_CLEARANCE + LID_THICKNESS / 2)), z)
             rings.append(np.column_stack([flat, z]))
         else:
             rings.append(_behind_margin(margin, *_INSIDE[name]))

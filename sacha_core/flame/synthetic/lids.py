@@ -75,7 +75,8 @@ def _elevation(anatomy: Anatomy, side: str, name: str) -> Float[np.ndarray, " m"
 
 
 def _centre(side: str) -> Float[np.ndarray, " 3"]:
-    return np.asarray(EYE_CENTRE) * (MIRROR if side == "right" else np.ones(3))
+    centre: Float[np.ndarray, " 3"] = np.asarray(EYE_CENTRE) * (MIRROR if side == "right" else np.ones(3))
+    return centre
 
 
 def _opposite(turn_rad: Float[np.ndarray, " m"]) -> Int[np.ndarray, " m"]:

@@ -10,7 +10,7 @@ from sacha_core.flame.synthetic.loft import locate, loft
 from sacha_core.flame.synthetic.relief import relief
 from sacha_core.flame.synthetic.sizes import Size
 
-__all__ = ["MOUTH_CORNER", "MOUTH_LINE", "lip_rings", "tooth_row"]
+__all__ = ["MOUTH_CORNER", "MOUTH_LINE", "lip_rings", "slit_height", "tooth_row"]
 
 MOUTH_LINE = -0.0515  # height of the slit
 MOUTH_CORNER = (0.0245, MOUTH_LINE, 0.0405)  # on the subject's left, where the lips meet
@@ -18,16 +18,18 @@ LIP_HALF_WIDTH = 0.0262
 LIP_HEIGHT = (0.0086, 0.0098)  # of the upper and the lower lip
 SLIT_HALF_WIDTH = 0.0240
 SLIT_HALF_HEIGHT = 0.0008  # the lips stand a little apart
+CORNER_RISE = 0.0008
+MIDDLE_DROP = 0.0006
 BOW = 0.0014  # depth of the bow in the outline of the upper lip
 
 # Rings of the lips: place from the border of the block (-1) by the outline (0) to the slit (1), and how far they stand out.
 _LIPS = {
     "around": (-0.45, 0.0),
     "outline": (0.0, 0.0008),
-    "lip_out": (0.28, 0.0034),
-    "lip": (0.60, 0.0048),
-    "lip_in": (0.86, 0.0042),
-    "slit": (1.0, 0.0018),
+    "lip_out": (0.28, 0.0028),
+    "lip": (0.60, 0.0042),
+    "lip_in": (0.86, 0.0036),
+    "slit": (1.0, 0.0014),
 }
 # Rings of the pocket: half width, height above and below the slit, depth behind the slit at the same place, and how much of that place's
 # own depth is kept (the rest is the depth of the middle, so that deep rings are flat).
@@ -85,6 +87,14 @@ def lip_rings(
     return np.array(rings), np.asarray(THROAT)
 
 
+def slit_height(x: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Height y of the line between the lips: a little lower in the middle, a little higher at the corners."""
+    across = np.minimum(np.abs(x) / SLIT_HALF_WIDTH, 1.0)
+    middle = np.exp(-0.5 * (across / 0.2) ** 2)
+    height: Float[np.ndarray, " n"] = MOUTH_LINE + CORNER_RISE * across * across - MIDDLE_DROP * middle
+    return height
+
+
 def _lip_ring(
     name: str,
     border: Float[np.ndarray, "m 3"],
@@ -96,15 +106,10 @@ def _lip_ring(
     upper = sin > 0
     outline_y = np.where(upper, LIP_HEIGHT[0], -LIP_HEIGHT[1]) * np.abs(sin) ** np.where(upper, 1.5, 1.35)
     outline_y -= np.where(upper, BOW, 0.0) * np.exp(-0.5 * (cos / 0.11) ** 2)
-    rise = 0.0008 * cos * cos  # the corners lie a little higher
+    rise = CORNER_RISE * cos * cos
     outline = np.column_stack([LIP_HALF_WIDTH * cos, MOUTH_LINE + outline_y + rise])
-    slit_y = (
-        MOUTH_LINE
-        + SLIT_HALF_HEIGHT * np.sign(sin) * np.abs(sin) ** 1.3
-        + rise
-        - 0.0006 * np.exp(-0.5 * (cos / 0.2) ** 2)
-    )
-    slit = np.column_stack([SLIT_HALF_WIDTH * cos, slit_y])
+    slit_x = SLIT_HALF_WIDTH * cos
+    slit = np.column_stack([slit_x, slit_height(slit_x) + SLIT_HALF_HEIGHT * np.sign(sin) * np.abs(sin) ** 1.3])
     flat = outline + (slit - outline) * place if place >= 0 else outline + (border[:, :2] - outline) * -place
     guess = border_uv + (border_uv.mean(axis=0) - border_uv) * (1 + place) / 2.5
     face = loft(*locate(flat[:, 0], flat[:, 1], guess[:, 0], guess[:, 1]))

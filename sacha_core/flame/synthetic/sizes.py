@@ -71,10 +71,10 @@ SIZES = {
     # About FLAME's count of triangles.
     "full": Size(
         n_columns=60,
-        rows=_rows(3, 2, 2, 3, 5, 5, 5, 5, 4, 3, 3, 2, 1, 2, 2, 2),
+        rows=_rows(3, 2, 2, 3, 5, 5, 6, 5, 4, 3, 3, 2, 1, 2, 2, 2),
         eye=Block((12, 20), (4, 13)),
-        mouth=Block((27, 33), (-10, 10)),
-        ear=Block((11, 24), (19, 22)),
+        mouth=Block((28, 34), (-10, 10)),
+        ear=Block((11, 25), (19, 22)),
         eye_rings=("orbit", "fold", "crease", "lid", "margin", "margin_in", "lid_in", "socket"),
         mouth_rings=("around", "outline", "lip_out", "lip", "lip_in", "slit", "wet", "vestibule", "wall", "throat"),
         ear_rings=("root", "behind", "rim_behind", "rim", "rim_front", "scapha", "antihelix", "concha_edge", "concha"),

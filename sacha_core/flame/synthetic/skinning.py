@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.flame.synthetic.anatomy import Anatomy
-from sacha_core.flame.synthetic.mouth import MOUTH_CORNER, MOUTH_LINE
+from sacha_core.flame.synthetic.mouth import MOUTH_CORNER, slit_height
 from sacha_core.flame.synthetic.spline import smooth_step
 
 __all__ = ["PARENTS", "below_mouth", "joint_regressor", "skinning_weights"]
@@ -16,6 +16,7 @@ PARENTS = np.array([-1, 0, 1, 1, 1], np.int32)
 HINGE = np.array([0.0, -0.0100, -0.0480])  # of the jaw, between the ears
 CHIN_EDGE = np.array([0.0, -0.1080, 0.0300])  # where the lower face ends, under the chin
 JAW_ANGLE = np.array([0.0, -0.0760, -0.0450])  # and where it ends below the ear
+SLIT_SOFTNESS = 0.0003  # half the height over which the mouth divides between the lips
 NECK_HEIGHT = (-0.1750, -0.1150)  # below the first everything follows the root, above the second the neck
 HINGE_SPOT = np.array([0.0690, -0.0100, -0.0480])
 ROOT_HEIGHT, NECK_JOINT_HEIGHT = 15.0, 13.0  # loft heights of the rings whose middles are the root and the neck joint
@@ -35,9 +36,10 @@ def below_mouth(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     across = np.abs(points[:, 0])
     # From the corner of the mouth the border rises to the hinge of the jaw.
     back = np.clip((MOUTH_CORNER[2] - points[:, 2]) / (MOUTH_CORNER[2] - HINGE[2]), 0.0, 1.0)
-    outside = smooth_step(across, 0.6 * MOUTH_CORNER[0], 1.6 * MOUTH_CORNER[0])
-    line = MOUTH_LINE + outside * back * (HINGE[1] - MOUTH_LINE)
-    softness = 0.0006 + outside * (0.012 + 0.020 * back)
+    outside = smooth_step(across, 0.35 * MOUTH_CORNER[0], 1.8 * MOUTH_CORNER[0])
+    slit = slit_height(across)
+    line = slit + outside * back * (HINGE[1] - slit)
+    softness = SLIT_SOFTNESS + outside * (0.012 + 0.020 * back)
     return smooth_step(line - points[:, 1], -softness, softness)
 
 
@@ -59,8 +61,8 @@ def skinning_weights(anatomy: Anatomy) -> Float[np.ndarray, "v j"]:
         JAW_ANGLE
         + (CHIN_EDGE - JAW_ANGLE) * np.clip((v[:, 2] - JAW_ANGLE[2]) / (CHIN_EDGE[2] - JAW_ANGLE[2]), 0.0, 1.3)[:, None]
     )
-    above_edge = smooth_step(v[:, 1] - edge[:, 1], -0.022, 0.008)
-    before_hinge = smooth_step(v[:, 2], HINGE[2] - 0.012, HINGE[2] + 0.040)
+    above_edge = smooth_step(v[:, 1] - edge[:, 1], -0.042, 0.012)
+    before_hinge = smooth_step(v[:, 2], HINGE[2] - 0.020, HINGE[2] + 0.050)
     jaw = below_mouth(v) * above_edge * before_hinge
     weights[:, JAW] = jaw
     weights[:, NECK] = (1 - jaw) * neck
