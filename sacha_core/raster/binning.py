@@ -15,7 +15,7 @@ from sacha_core.raster.kernels.bins import BUCKETS, PASSES, deal, key_bounds, so
 from sacha_core.raster.kernels.lanes import LANES
 from sacha_core.raster.kernels.layout import RECORD
 from sacha_core.raster.kernels.project import PROJECT_SCRATCH, project
-from sacha_core.raster.pool import Pool
+from sacha_core.raster.pool import Pool, even_ranges
 from sacha_core.raster.splats import Splats
 from sacha_core.raster.view import lane_coordinates, tile_grid, view_parameters
 
@@ -177,12 +177,6 @@ class Binner:
 
 
 TILE_COST = 8  # entries that take as long as a tile's first and last steps
-
-
-def even_ranges(total: int, jobs: int) -> list[int]:
-    """Give bounds of at most `jobs` ranges of about equal length."""
-    jobs = min(total, jobs)
-    return [total * k // jobs for k in range(jobs + 1)] if jobs else [0]
 
 
 def last_block(array: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from sacha_core.errors import OptionError
 
-__all__ = ["Pool", "available_threads"]
+__all__ = ["Pool", "available_threads", "even_ranges"]
 
 
 def available_threads() -> int:
@@ -17,6 +17,12 @@ def available_threads() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def even_ranges(total: int, jobs: int) -> list[int]:
+    """Give bounds of at most `jobs` ranges of about equal length."""
+    jobs = min(total, jobs)
+    return [total * k // jobs for k in range(jobs + 1)] if jobs else [0]
 
 
 class Pool:
