@@ -63,9 +63,9 @@ class Console:
         """Say which file or folder was written, and what is worth knowing about it."""
         self.say(f"{what:12} {path}" + (f"  ({note})" if note else ""))
 
-    def hint(self, command: str) -> None:
-        """Say what one would do next."""
-        self.say(f"\nnext: {command}")
+    def hint(self, *commands: str) -> None:
+        """Say which commands one would call next."""
+        self.say("\nnext:  " + "\n       ".join(commands))
 
 
 def kilobytes(n_bytes: int) -> str:
@@ -73,19 +73,20 @@ def kilobytes(n_bytes: int) -> str:
     return f"{n_bytes / 1000:,.1f} KB"
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: bool = True) -> str:
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: int | None = None) -> str:
     """Set a table in plain text.
 
     Args:
         head: column titles.
         rows: cells, as many in each row as there are titles.
-        numbers: whether the columns after the first are right-aligned.
+        numbers: how many columns hold names and figures, of which all but the first are right-aligned; all by default.
     """
     lines = [list(head), *map(list, rows)]
+    figures = len(head) if numbers is None else numbers
     widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
     set_lines = [
         "  ".join(
-            cell.rjust(width) if i and numbers else cell.ljust(width)
+            cell.rjust(width) if 0 < i < figures else cell.ljust(width)
             for i, (cell, width) in enumerate(zip(line, widths, strict=True))
         )
         for line in lines

@@ -88,7 +88,7 @@ def check_installation(console: Console) -> dict[str, Any]:
         (package, found or "missing", use)
         for (package, use), found in zip(PACKAGES.items(), versions.values(), strict=True)
     ]
-    console.say(table(("package", "version", "needed for"), rows, numbers=False))
+    console.say(table(("package", "version", "needed for"), rows, numbers=0))
     console.say(f"\nheads        {len(heads)} in {shelf}")
     missing = [package for package in list(PACKAGES)[:REQUIRED] if versions[package] is None]
     if missing:

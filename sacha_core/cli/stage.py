@@ -64,7 +64,8 @@ class Stage:
         pictures = [
             render_avatar(self.gaussians, frames, camera, rasteriser=self._rasteriser).colour for camera in cameras
         ]
-        return np.round(255 * np.clip(np.concatenate(pictures, axis=1), 0, 1)).astype(np.uint8)
+        side_by_side: np.ndarray = np.clip(np.concatenate(pictures, axis=1), 0, 1)
+        return np.round(255 * side_by_side).astype(np.uint8)
 
 
 def coloured_by_region(gaussians: Gaussians, head: HeadModel, scheme: RegionScheme = PAPER) -> Gaussians:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from fractions import Fraction
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from jaxtyping import UInt8
@@ -15,7 +16,7 @@ from sacha_core.files import write_aside
 __all__ = ["write_video"]
 
 QUALITY = "18"  # x264's constant rate factor: visually lossless
-CODEC = "libx264"
+CODEC: Final = "libx264"
 
 
 def write_video(path: Path, images: Iterable[UInt8[np.ndarray, "h w 3"]], frame_rate: float) -> None:

@@ -1,0 +1,82 @@
+"""`sacha decode`: a .sacha file back into files that others read."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from sacha_core.cli.common import Common, FileOption, HeadSource
+from sacha_core.cli.console import Console, kilobytes
+from sacha_core.errors import OptionError
+
+__all__ = ["Options", "run"]
+
+ITERATION = 1  # a folder of a model names its iterations; a decoded avatar has had none that are known
+
+
+@dataclass(frozen=True)
+class Options:
+    """Turn a .sacha file back into a PLY of bound Gaussians, a motion, or a model folder as GaussianAvatars has it.
+
+    sacha decode a.sacha --ply back.ply --motion motion.npz
+    """
+
+    file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE.sacha")]
+    """The file."""
+
+    ply: FileOption = None
+    """Write the Gaussians here, local to the triangles that `binding_0` names."""
+
+    motion: FileOption = None
+    """Write the motion here, as GaussianAvatars' flame_param.npz."""
+
+    model: Annotated[Path | None, tyro.conf.arg(metavar="MODEL", help_behavior_hint="")] = None
+    """Write both into this folder, in the layout of a GaussianAvatars model."""
+
+    head: HeadSource = field(default_factory=HeadSource)
+    common: Common = field(default_factory=Common)
+
+
+def run(options: Options, console: Console) -> dict[str, Any]:
+    """Decode the file and write what was asked for.
+
+    Raises:
+        SachaError: the file is damaged.
+        OSError: a file cannot be read or written.
+    """
+    from sacha_core.cli.sources import naming
+    from sacha_core.codec import decode
+    from sacha_core.interchange.gaussian_avatars import write_flame_param, write_model
+    from sacha_core.interchange.splat_ply import write_bound_ply
+
+    if options.ply is None and options.motion is None and options.model is None:
+        raise OptionError("expected --ply FILE, --motion FILE or --model FOLDER: where the avatar shall go")
+    with naming(options.file):
+        avatar = decode(options.file)
+    if options.motion is not None and avatar.motion is None:
+        raise OptionError(f"{options.file} has no motion that --motion could write")
+    console.say(
+        f"{options.file}: {len(avatar.gaussians):,} Gaussians on head {avatar.head.name!r}, "
+        + (f"{len(avatar.motion)} frames" if avatar.motion else "no motion")
+    )
+    if options.ply is not None:
+        write_bound_ply(options.ply, avatar.gaussians)
+        console.wrote("gaussians", options.ply, kilobytes(options.ply.stat().st_size))
+    if options.motion is not None and avatar.motion is not None:
+        write_flame_param(options.motion, avatar.motion)
+        console.wrote("motion", options.motion, kilobytes(options.motion.stat().st_size))
+    if options.model is not None:
+        write_model(options.model, ITERATION, avatar.gaussians, avatar.motion)
+        console.wrote("model", options.model)
+    return {
+        "file": options.file,
+        "n_gaussians": len(avatar.gaussians),
+        "n_frames": 0 if avatar.motion is None else len(avatar.motion),
+        "head": asdict(avatar.head),
+        "ply": options.ply,
+        "motion": options.motion,
+        "model": options.model,
+    }

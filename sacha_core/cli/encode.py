@@ -1,0 +1,104 @@
+"""`sacha encode`: an avatar and its motion into one small file."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from sacha_core.cli.common import Common, FileOption, HeadSource
+from sacha_core.cli.console import Console, kilobytes
+from sacha_core.errors import OptionError
+
+__all__ = ["Options", "run"]
+
+
+@dataclass(frozen=True)
+class Options:
+    """Compress an avatar and its motion into one .sacha file.
+
+    The avatar is a model folder as `sacha train` and GaussianAvatars write it, or a PLY of bound Gaussians with its head:
+
+    sacha encode MODEL -o a.sacha
+
+    sacha encode --ply a.ply --head rig.npz --motion motion.npz -o a.sacha
+    """
+
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FILE.sacha")]
+    """Where the compressed avatar goes."""
+
+    model: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help_behavior_hint="")] = None
+    """A model folder."""
+
+    ply: FileOption = None
+    """Instead of a model folder: a PLY of Gaussians that are bound to triangles (`binding_0`)."""
+
+    motion: FileOption = None
+    """Motion (.npz): FLAME parameters, or weights of a rig's blend shapes; by default the model folder's own."""
+
+    level: Literal[1, 2, 3, 4] = 2
+    """1 is the smallest, 4 the best."""
+
+    embed_head: bool = False
+    """Put the head into the file too, so that it opens anywhere; its bytes are counted apart."""
+
+    head: HeadSource = field(default_factory=HeadSource)
+    common: Common = field(default_factory=Common)
+
+
+def run(options: Options, console: Console) -> dict[str, Any]:
+    """Compress what was named.
+
+    Raises:
+        SachaError: avatar, head or motion is broken, or they do not belong together.
+        OSError: a file cannot be read or written.
+    """
+    from sacha_core.avatar.gaussians import PLY_BYTES_PER_GAUSSIAN
+    from sacha_core.cli.inspect import byte_counts
+    from sacha_core.cli.sources import open_avatar
+    from sacha_core.codec import encode, inspect
+    from sacha_core.files import write_aside
+
+    if (options.model is None) == (options.ply is None):
+        raise OptionError("expected one of the two: a model folder, or --ply FILE with --head HEAD")
+    path = options.model or options.ply
+    assert path is not None
+    opened = open_avatar(path, options.head, options.motion)
+    avatar = opened.avatar
+    data = encode(avatar, options.level, head=opened.head, embed_head=options.embed_head)
+    with write_aside(options.output) as aside:
+        aside.write_bytes(data)
+    found = inspect(data)
+    raw = PLY_BYTES_PER_GAUSSIAN * len(avatar.gaussians)
+    left_out = len(avatar.gaussians) - found.n_gaussians
+    console.wrote("avatar", options.output, f"level {options.level}, {kilobytes(found.total_bytes)}")
+    console.say(
+        f"gaussians    {kilobytes(found.gaussian_bytes)} for {found.n_gaussians:,}"
+        + (f" ({left_out:,} that never show were left out)" if left_out else "")
+        + f"; as PLY {kilobytes(raw)}, {raw / found.gaussian_bytes:.0f} times as much"
+    )
+    if found.n_frames:
+        console.say(
+            f"motion       {kilobytes(found.motion_bytes)} for {found.n_frames} frames, "
+            f"{found.dynamic_bytes_per_frame:.1f} bytes each"
+        )
+    else:
+        console.say("motion       none; --motion FILE puts one in")
+    console.say(
+        f"head         {kilobytes(found.head_bytes)}, inside the file"
+        if found.head_bytes
+        else f"head         not inside: whoever opens the file needs {opened.head.name!r} (--embed-head puts it in)"
+    )
+    console.hint(f"sacha render {options.output} --frame 0 -o {options.output.with_suffix('.png')}")
+    return {
+        "file": options.output,
+        "level": options.level,
+        "n_gaussians": found.n_gaussians,
+        "n_gaussians_left_out": left_out,
+        "n_frames": found.n_frames,
+        "raw_bytes": raw,
+        "bytes": byte_counts(found),
+        "head": asdict(avatar.head),
+    }

@@ -1,0 +1,147 @@
+"""Opening an avatar from whatever holds one: a `.sacha` file, a model folder, or a splat PLY with its head."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from sacha_core.avatar.avatar import Avatar
+from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.avatar.motion import Motion
+from sacha_core.cli.common import HeadSource
+from sacha_core.codec import decode, embedded_head
+from sacha_core.errors import FormatError, HeadError
+from sacha_core.flame.model import HeadModel, HeadReference
+from sacha_core.flame.open import open_head
+from sacha_core.flame.shelf import find_head, remember
+from sacha_core.interchange.capture import Capture, read_head_reference
+from sacha_core.interchange.gaussian_avatars import read_model
+from sacha_core.interchange.motion_file import read_motion
+from sacha_core.interchange.splat_ply import read_bound_ply
+
+__all__ = ["Opened", "capture_head", "named_head", "naming", "open_avatar", "open_motion"]
+
+
+@dataclass(frozen=True)
+class Opened:
+    """An avatar with the head that it is bound to.
+
+    Args:
+        avatar: Gaussians, motion, and what names the head.
+        head: the head itself.
+        kind: what it was opened from.
+    """
+
+    avatar: Avatar
+    head: HeadModel
+    kind: Literal["sacha", "model", "ply"]
+
+
+def open_avatar(path: Path, source: HeadSource, motion: Path | None = None) -> Opened:
+    """Open an avatar and its head; the head goes to the user's head folder.
+
+    Args:
+        path: a `.sacha` file, a model folder, or a `.ply` of bound Gaussians.
+        source: what was said about the head; a PLY needs it, the others know the name of theirs.
+        motion: file of a motion, to play instead of the one that comes with the avatar.
+
+    Raises:
+        SachaError: a file is damaged, or the head is not to be found or is not the avatar's.
+        OSError: a file cannot be read.
+    """
+    if path.is_dir():
+        opened = _open_model(path, source)
+    elif path.suffix.lower() == ".ply":
+        opened = _open_ply(path, source)
+    else:
+        opened = _open_sacha(path, source)
+    if motion is None:
+        return opened
+    return replace(opened, avatar=replace(opened.avatar, motion=open_motion(motion, opened.head)))
+
+
+def named_head(source: HeadSource) -> HeadModel | None:
+    """Give the head that the user names, with the masks that the user names; None where no head is named.
+
+    Raises:
+        HeadError: the head or the masks are damaged.
+    """
+    return None if source.head is None else open_head(source.head, masks=source.masks)
+
+
+def capture_head(capture: Capture, source: HeadSource) -> HeadModel:
+    """Give the head that a capture's parameters belong to: the named one, the one beside the capture, or one used before.
+
+    Raises:
+        HeadError: it is not to be found, or the named one is another.
+    """
+    if capture.head is None:
+        return _named(source, f"{capture.root} has no head.json, which says what head it was tracked with")
+    return _found(capture.head, source, capture.head_path, None)
+
+
+def open_motion(path: Path, head: HeadModel) -> Motion:
+    """Read a motion for a head: FLAME parameters, or weights of a rig's blend shapes.
+
+    Raises:
+        FormatError: the file holds no motion.
+    """
+    motion = read_motion(path, head)
+    motion.validate()
+    return motion
+
+
+def _open_sacha(path: Path, source: HeadSource) -> Opened:
+    with naming(path):
+        avatar = decode(path)
+        embedded = embedded_head(path)
+    return Opened(avatar, _found(avatar.head, source, None, embedded), "sacha")
+
+
+def _open_model(path: Path, source: HeadSource) -> Opened:
+    gaussians, motion = read_model(path)
+    reference, beside = read_head_reference(path)
+    head = _found(reference, source, beside, None) if reference else _named(source, f"{path} has no head.json")
+    return Opened(_bound(path, gaussians, head, motion), head, "model")
+
+
+def _open_ply(path: Path, source: HeadSource) -> Opened:
+    gaussians = read_bound_ply(path)
+    head = _named(source, f"{path} does not say which head it is bound to")
+    return Opened(_bound(path, gaussians, head, None), head, "ply")
+
+
+def _bound(path: Path, gaussians: Gaussians, head: HeadModel, motion: Motion | None) -> Avatar:
+    """Make an avatar whose bindings all lie on its head."""
+    with naming(path):
+        gaussians.validate(head.n_faces)
+    return Avatar(gaussians, head.reference, motion)
+
+
+def _named(source: HeadSource, otherwise: str) -> HeadModel:
+    """Give the head that the user names, where only the user can know it."""
+    head = named_head(source)
+    if head is None:
+        raise HeadError(f"{otherwise}: name it with --head HEAD")
+    remember(head)
+    return head
+
+
+def _found(reference: HeadReference, source: HeadSource, beside: Path | None, embedded: HeadModel | None) -> HeadModel:
+    """Find the head of a known hash: the named one, the one beside or inside, or one used before."""
+    named = source.head if source.head is not None else beside
+    return find_head(reference, named, embedded)
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Put the name of the file before what is wrong with it."""
+    try:
+        yield
+    except FormatError as error:
+        if str(path) in str(error):
+            raise
+        raise FormatError(f"{path}: {error}") from error

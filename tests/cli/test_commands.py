@@ -1,0 +1,238 @@
+"""The commands one after the other on a tiny head: frames in, a small file out, decoded, drawn and judged."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import get_args
+
+import av
+import numpy as np
+import pytest
+from PIL import Image
+
+from sacha_core.cli.train import Variant
+from sacha_core.codec import decode
+from sacha_core.flame.synthetic import synthetic_head
+from sacha_core.interchange.capture import read_capture
+from sacha_core.interchange.gaussian_avatars import read_flame_param, read_model
+from sacha_core.interchange.splat_ply import read_bound_ply
+from sacha_core.train.presets import VARIANTS
+
+Call = Callable[..., object]
+
+
+def test_synth_makes_what_was_asked_for(synthesised) -> None:
+    folder, outcome = synthesised
+    capture = read_capture(folder)
+    assert len(capture.train) == 3 * 3
+    assert len(capture.val) == 3
+    assert len(capture.test) == 2 * 4
+    assert {view.camera_index for view in capture.val} == {8}
+    assert capture.image(capture.train[0]).shape == (94, 64, 3)
+    assert outcome.report["n_images"] == 20
+    assert Path(outcome.report["capture"]) == capture.root
+    assert capture.head == synthetic_head("small").reference
+
+
+def test_synth_keeps_what_is_there(done, capture: Path) -> None:
+    images = sorted(capture.glob("*/images/*.png"))
+    before = [image.stat().st_mtime_ns for image in images]
+    again = done(
+        *("synth", capture, "--head", "synthetic:small", "--width", 64, "--height", 94, "--cameras", 0, 5, 8, 11),
+        *("--timesteps", 3, "--test-timesteps", 2, "--sequences", "EMO-1", "--supersample", 1),
+    )
+    assert "kept         2 of 2" in again.out
+    assert [image.stat().st_mtime_ns for image in images] == before
+
+
+def test_train_writes_a_model_that_others_read(trained) -> None:
+    folder, outcome = trained
+    gaussians, motion = read_model(folder)
+    gaussians.validate(synthetic_head("small").n_faces)
+    assert motion is not None
+    assert len(motion) == 5
+    assert outcome.report["n_gaussians"] == len(gaussians) == sum(outcome.report["per_region"].values())
+    assert outcome.report["iterations"] == 30
+    assert json.loads((folder / "head.json").read_text())["name"] == "synthetic-small-0"
+
+
+def test_train_knows_every_variant() -> None:
+    assert get_args(Variant) == VARIANTS
+
+
+def test_train_refuses_two_lengths(refused, capture: Path, tmp_path: Path) -> None:
+    line = refused("train", capture, "-o", tmp_path / "m", "--preset", "paper", "--iterations", 10)
+    assert "--iterations" in line
+    assert not (tmp_path / "m").exists()
+
+
+def test_encode_says_where_the_bytes_are(encoded, model: Path) -> None:
+    file, outcome = encoded
+    counts = outcome.report["bytes"]
+    assert counts["total"] == file.stat().st_size
+    assert counts["gaussians"] + counts["motion"] + counts["head"] == counts["total"]
+    assert counts["head"] == 0
+    assert outcome.report["n_frames"] == 5
+    assert outcome.report["n_gaussians"] + outcome.report["n_gaussians_left_out"] == len(read_model(model)[0])
+
+
+def test_levels_grow(done, model: Path, tmp_path: Path) -> None:
+    sizes = [
+        done("encode", model, "--level", level, "-o", tmp_path / "a.sacha").report["bytes"]["total"]
+        for level in (1, 2, 3, 4)
+    ]
+    assert sizes == sorted(set(sizes))
+
+
+def test_an_embedded_head_opens_where_no_head_is_known(
+    done, refused, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alone, whole = tmp_path / "alone.sacha", tmp_path / "whole.sacha"
+    done("encode", model, "-o", alone)
+    report = done("encode", model, "-o", whole, "--embed-head").report
+    assert report["bytes"]["head"] > 0
+    done("render", whole, "-o", tmp_path / "a.png", "--width", 32, "--height", 48)
+
+
+def test_inspect_accounts_for_every_byte(done, sacha_file: Path) -> None:
+    outcome = done("inspect", sacha_file)
+    sections = outcome.report["sections"]
+    last = max(sections, key=lambda one: one["offset"])
+    assert last["offset"] + last["n_bytes"] == sacha_file.stat().st_size == outcome.report["bytes"]["total"]
+    for section in sections:
+        assert f"{section['name']} " in outcome.out
+        assert f"{section['n_bytes']:,}" in outcome.out
+    assert outcome.report["head"]["name"] == "synthetic-small-0"
+
+
+def test_decode_gives_back_what_the_codec_decodes(done, sacha_file: Path, tmp_path: Path) -> None:
+    ply, motion, folder = tmp_path / "b.ply", tmp_path / "m.npz", tmp_path / "model"
+    outcome = done("decode", sacha_file, "--ply", ply, "--motion", motion, "--model", folder)
+    avatar = decode(sacha_file)
+    back = read_bound_ply(ply)
+    for name in ("position", "log_scale", "quaternion", "opacity_logit", "sh_dc", "binding"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(avatar.gaussians, name))
+    np.testing.assert_array_equal(read_flame_param(motion).expression, avatar.motion.expression)
+    again = done("encode", folder, "-o", tmp_path / "again.sacha")
+    assert again.report["n_gaussians"] == outcome.report["n_gaussians"]
+
+
+def test_decode_wants_to_know_where_to(refused, sacha_file: Path) -> None:
+    assert "--ply" in refused("decode", sacha_file)
+
+
+def picture(path: Path) -> np.ndarray:
+    with Image.open(path) as image:
+        return np.asarray(image.convert("RGB")).astype(float)
+
+
+def test_render_draws_what_the_camera_saw(done, capture: Path, sacha_file: Path, model: Path, tmp_path: Path) -> None:
+    """A few iterations make no likeness, but the head must be where the photograph has it."""
+    view = read_capture(capture).val[1]
+    for source in (sacha_file, model):
+        path = tmp_path / f"{source.stem}.png"
+        done("render", source, "--dataset", capture, "--camera", 8, "--frame", view.timestep, "-o", path)
+        drawn, truth = picture(path).min(axis=2) < 230, picture(view.image_path).min(axis=2) < 230
+        assert drawn.shape == (94, 64)
+        assert (drawn & truth).sum() / (drawn | truth).sum() > 0.6
+
+
+def test_render_places_cameras_side_by_side(done, sacha_file: Path, tmp_path: Path) -> None:
+    both, left = tmp_path / "both.png", tmp_path / "left.png"
+    size = ("--width", 40, "--height", 60)
+    done("render", sacha_file, "-o", both, "--azimuth", -40, 30, *size)
+    done("render", sacha_file, "-o", left, "--azimuth", -40, *size)
+    np.testing.assert_array_equal(picture(both)[:, :40], picture(left))
+    assert picture(both).shape == (60, 80, 3)
+    assert np.abs(picture(both)[:, 40:] - picture(left)).max() > 50
+
+
+def test_render_by_region_shows_the_regions_colours(done, sacha_file: Path, tmp_path: Path) -> None:
+    plain, regions = tmp_path / "plain.png", tmp_path / "regions.png"
+    done("render", sacha_file, "-o", plain)
+    done("render", sacha_file, "-o", regions, "--colour", "region")
+    assert picture(regions).shape == (802, 550, 3)
+
+    def colourfulness(path: Path) -> float:
+        image = picture(path)
+        return float((image.max(axis=2) - image.min(axis=2)).mean())
+
+    assert colourfulness(regions) > 2 * colourfulness(plain)
+
+
+def test_render_writes_a_video(done, sacha_file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    outcome = done(
+        "render", sacha_file, "--video", path, "--frames", "1:5:2", "--orbit", 90, "--width", 32, "--height", 48
+    )
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        assert (stream.width, stream.height) == (32, 48)
+        assert float(stream.average_rate) == pytest.approx(12.5)
+        images = [frame.to_ndarray(format="rgb24").astype(float) for frame in container.decode(stream)]
+    assert len(images) == outcome.report["n_frames"] == 2
+    assert np.abs(images[0] - images[1]).max() > 50
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ((), "-o FILE.png"),
+        (("-o", "a.png", "--video", "a.mp4"), "-o FILE.png"),
+        (("-o", "a.png", "--frame", 99), "frames 0 to 4"),
+        (("-o", "a.png", "--frame", -1), "frames 0 to 4"),
+        (("-o", "a.xyz"), "a.xyz"),
+        (("-o", "a.png", "--width", 0), "--width"),
+        (("-o", "a.png", "--distance", 0.01), "--distance"),
+        (("--video", "a.mp4", "--frames", "7:9"), "--frames 7:9"),
+        (("--video", "a.mp4", "--frames", "x"), "--frames x"),
+        (("--video", "a.mp4", "--frames", "::0"), "--frames ::0"),
+        (("--video", "a.txt"), ".mp4"),
+    ],
+)
+def test_render_refuses_what_makes_no_sense(
+    refused, sacha_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wrong: tuple[object, ...], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert said in refused("render", sacha_file, *wrong)
+    assert not list(tmp_path.iterdir())
+
+
+def test_evaluate_judges_both_splits(done, capture: Path, sacha_file: Path, model: Path) -> None:
+    original = done("evaluate", model, capture).report
+    decoded = done("evaluate", sacha_file, capture).report
+    for report in (original, decoded):
+        for name, count in (("novel_view", 3), ("novel_expression", 8)):
+            images = report[name]["images"]
+            assert len(images) == count
+            assert report[name]["psnr"] == pytest.approx(np.mean([one["psnr"] for one in images]))
+            assert 8 < report[name]["psnr"] < 40
+            assert 0 < report[name]["ssim"] < 1
+        assert {one["camera_index"] for one in report["novel_view"]["images"]} == {8}
+    assert decoded["novel_view"]["psnr"] == pytest.approx(original["novel_view"]["psnr"], abs=0.3)
+
+
+def test_convert_head_keeps_the_head(done, tmp_path: Path) -> None:
+    outcome = done("convert-head", "synthetic:small", "-o", tmp_path / "head.npz")
+    head = synthetic_head("small")
+    assert outcome.report["sha256"] == head.reference.sha256
+    assert sum(outcome.report["region_triangles"].values()) == head.n_faces
+    again = done("convert-head", tmp_path / "head.npz", "-o", tmp_path / "again.npz")
+    assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "head.npz").read_bytes()
+    assert again.report["name"] == "synthetic-small-0"
+
+
+def test_doctor_lists_packages(done) -> None:
+    outcome = done("doctor")
+    assert outcome.report["packages"]["numpy"] == np.__version__
+    assert f"numpy         {np.__version__}" in outcome.out
+
+
+def test_doctor_finds_the_head_inside_the_masks(done, capture: Path) -> None:
+    outcome = done("doctor", capture)
+    assert outcome.report["splits"] == {"train": 9, "val": 3, "test": 8}
+    assert outcome.report["coverage_worst"] > 0.8
+    assert outcome.report["warnings"] == []
+    assert "warning" not in outcome.out
