@@ -87,8 +87,10 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
         raise FormatError(f"{path}: not a checkpoint that this version can read: {error}") from error
     if version != VERSION:
         raise FormatError(f"{path}: checkpoint version {version}, expected {VERSION}")
-    parts = [{name: arrays[f"{kind}.{name}"] for name in VALUES} for kind in MOMENTS]
-    state = TrainState(iteration, *parts, steps, **{name: arrays[name] for name in PLAIN})
+    values, first, second = ({name: arrays[f"{kind}.{name}"] for name in VALUES} for kind in MOMENTS)
+    binding, gradient_sum, gradient_count, thresholds, ratios = (arrays[name] for name in PLAIN)
+    statistics = (gradient_sum, gradient_count, thresholds, ratios)
+    state = TrainState(iteration, values, first, second, steps, binding, *statistics)
     _check(path, state)
     return Checkpoint(state, options, events, data)
 

@@ -185,7 +185,7 @@ def superfluous(
 ) -> Bool[np.ndarray, " m"]:
     """Mark rows that are nearly transparent or far too large, but for a triangle's last where those are guarded."""
     density, schedule = options.density, options.schedule
-    remove = sigmoid(state.values["opacity_logit"])[rows] < density.lowest_opacity
+    remove: np.ndarray = sigmoid(state.values["opacity_logit"])[rows] < density.lowest_opacity
     if state.iteration > schedule.size_prune_from:
         remove |= scales.max(axis=1, initial=0) > density.largest * extent
     if density.guard_faint or state.iteration < schedule.warm_up:

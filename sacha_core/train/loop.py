@@ -255,7 +255,9 @@ class Run:
             raise OptionError(f"{path} is of a run with another {difference}; choose another folder, or begin anew")
         if until_warm_up and checkpoint.state.iteration >= self.options.schedule.warm_up:
             end = self.options.schedule.warm_up
-            raise OptionError(f"{path} is at iteration {checkpoint.state.iteration}, expected one before {end}, where warm-up ends")
+            raise OptionError(
+                f"{path} is at iteration {checkpoint.state.iteration}, expected one before {end}, where warm-up ends"
+            )
         self.state, self.events = checkpoint.state, list(checkpoint.events)
         if until_warm_up:
             bases = (self.options.density.threshold, self.options.pruning.ratio)

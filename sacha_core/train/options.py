@@ -237,7 +237,8 @@ def from_record(record: dict[str, Any]) -> TrainOptions:
     Raises:
         OptionError: naming a field that is missing, unknown or out of range.
     """
-    return _build(TrainOptions, record, "options")
+    options: TrainOptions = _build(TrainOptions, record, "options")
+    return options
 
 
 def _build(kind: type[Any], record: Any, where: str) -> Any:

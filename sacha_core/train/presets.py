@@ -99,17 +99,17 @@ def variant(options: TrainOptions, name: str) -> TrainOptions:
     if name not in VARIANTS:
         raise OptionError(f"variant {name!r} is unknown; expected one of {', '.join(VARIANTS)}")
     by_region = name not in {"ga", "default", "default-gp-pis"}
-    scope = "regions" if name in {"paper", "sacha"} else "all" if "-gp-" in name else "none"
-    ratio_options = replace(
+    by_quota, by_score = name in {"paper", "sacha"}, "-gp-" in name
+    pruning = replace(
         options.pruning,
-        scope=scope,
+        scope="regions" if by_quota else "all" if by_score else "none",
         score="lgs" if name.endswith("lgs") else "pis",
         guard="after" if name == "paper" else "off",
     )
     density = replace(options.density, by_region=by_region, guard_faint=name != "sacha")
     if name == "ga":
         density = replace(density, threshold=density.threshold * 2 / 3)  # 2e-4 where the paper has 3e-4
-    chosen = replace(options, variant=name, density=density, pruning=ratio_options)
+    chosen = replace(options, variant=name, density=density, pruning=pruning)
     return growing_to_the_last_prune(chosen) if name == "sacha" else chosen
 
 

@@ -28,7 +28,8 @@ class Regions:
 
     def of(self, binding: Int[np.ndarray, " n"]) -> UInt8[np.ndarray, " n"]:
         """Give each Gaussian's region."""
-        return self.labels[binding]
+        of: np.ndarray = self.labels[binding]
+        return of
 
     def counts(self, binding: Int[np.ndarray, " n"]) -> tuple[int, ...]:
         """Count Gaussians by region."""

@@ -111,7 +111,7 @@ class Stage:
         for tensor in leaves.values():
             tensor.requires_grad_(learn)
         frames = triangle_frames(self._poser(**pose), self._faces)
-        world = to_world(*local.values(), state.binding, frames)
+        world = to_world(local["position"], local["log_scale"], local["quaternion"], state.binding, frames)
         made = (world.means, world.scales, world.quaternions)
         means, scales, quaternions = (tensor.detach().numpy() for tensor in made)
         opacities = sigmoid(values["opacity_logit"])

@@ -1,0 +1,88 @@
+"""Importance scores against naive loops in float64."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sacha_core.density.scores.light_gaussian import light_gaussian_score
+from sacha_core.density.scores.perceptual import perceptual_score
+from sacha_core.density.scores.rounding import rounded
+from sacha_core.density.scores.volume import volume_factor
+
+ROUNDING = 1e-12  # float64 products
+
+
+@pytest.fixture
+def population() -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(0)
+    weight = rng.exponential(40, 101) * (rng.random(101) < 0.8)
+    return {
+        "weight": weight,
+        "sensitive_weight": weight * rng.random(101),
+        "sensitivity": rng.random(101),
+        "scales": np.exp(rng.normal(-1, 1, (101, 3))),
+    }
+
+
+def naive_percentile(values: list[float], percent: float) -> float:
+    """Interpolate linearly between the two nearest ranks."""
+    ordered = sorted(values)
+    place = percent / 100 * (len(ordered) - 1)
+    low = math.floor(place)
+    return ordered[low] + (place - low) * (ordered[min(low + 1, len(ordered) - 1)] - ordered[low])
+
+
+def test_perceptual_score_is_that_of_a_naive_loop(population) -> None:
+    score = perceptual_score(**population, pixel_factor=0.5, gaussian_factor=2.0)
+    volumes = [4 / 3 * math.pi * a * b * c for a, b, c in population["scales"]]
+    reference = naive_percentile(volumes, 90)
+    for i, volume in enumerate(volumes):
+        seen = population["weight"][i] + 0.5 * population["sensitive_weight"][i]
+        expected = seen * (1 + 2.0 * population["sensitivity"][i]) * min(volume / reference, 1) ** 0.1
+        assert score[i] == pytest.approx(expected, rel=ROUNDING)
+
+
+def test_light_gaussian_is_the_perceptual_score_without_perception(population) -> None:
+    plain = perceptual_score(**population, pixel_factor=0, gaussian_factor=0)
+    assert light_gaussian_score(population["weight"], population["scales"]) == pytest.approx(plain, rel=ROUNDING)
+
+
+def test_the_released_variant_has_no_bound_and_another_percentile(population) -> None:
+    volumes = [a * b * c for a, b, c in population["scales"]]
+    reference = naive_percentile(volumes, 10)
+    expected = [w * (v / reference) ** 0.1 for w, v in zip(population["weight"], volumes, strict=True)]
+    score = light_gaussian_score(population["weight"], population["scales"], "code")
+    assert score == pytest.approx(expected, rel=ROUNDING)
+
+
+def test_what_is_never_seen_scores_exactly_nothing(population) -> None:
+    score = perceptual_score(**population)
+    assert np.array_equal(score == 0, population["weight"] == 0)
+
+
+@given(st.floats(1e-3, 1e3))
+def test_only_relative_volume_counts(factor) -> None:
+    scales = np.exp(np.random.default_rng(1).normal(-1, 1, (50, 3)))
+    assert volume_factor(scales * factor) == pytest.approx(volume_factor(scales), rel=1e-10)
+
+
+def test_volume_of_one_of_none_and_of_points() -> None:
+    assert volume_factor(np.array([[0.1, 0.2, 0.3]])).tolist() == [1.0]
+    assert volume_factor(np.zeros((0, 3))).shape == (0,)
+    assert np.isfinite(volume_factor(np.zeros((5, 3)))).all()
+
+
+@given(st.lists(st.floats(1e-20, 1e20) | st.just(0.0), max_size=20))
+def test_rounding_keeps_six_digits(values) -> None:
+    for value, short in zip(values, rounded(np.array(values)), strict=True):
+        assert short == pytest.approx(float(f"{value:.5e}"), rel=1e-14, abs=0)
+
+
+def test_rounding_ends_noise_between_near_ties() -> None:
+    noisy = 123.456 * (1 + np.random.default_rng(2).normal(0, 1e-9, 100))
+    assert len(set(rounded(noisy))) == 1

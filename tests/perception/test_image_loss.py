@@ -1,0 +1,106 @@
+"""The fused loss: value and gradient against torch's autograd in float64, a crop against the whole, threads against one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from sacha_core.perception.image_loss import ImageLoss
+from sacha_core.raster.pool import Pool
+
+VALUE = 3e-6  # float32 sums of images of a few thousand pixels
+GRADIENT = 3e-5  # relative to the largest: blurred float32 derivatives, twice
+NO_SLOPE = 1e-3  # of the slope of L1 alone: SSIM's slope where images agree is a difference of equal float32 numbers
+WEIGHTS = (0.8, 0.2, 0.01)
+
+
+def material(seed: int, height: int = 23, width: int = 37) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    image = rng.uniform(-0.05, 1.05, (4, height, width)).astype(np.float32)
+    return image, rng.integers(0, 256, (3, height, width), np.uint8), rng.integers(0, 256, (height, width), np.uint8)
+
+
+def reference(image: np.ndarray, target: np.ndarray, sensitivity: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
+    """Give the total and its gradient by torch's autograd in float64."""
+    x = torch.tensor(image, dtype=torch.float64, requires_grad=True)
+    y = torch.tensor(target, dtype=torch.float64) / 255
+    taps = torch.exp(-(torch.arange(-5, 6, dtype=torch.float64) ** 2) / (2 * 1.5**2))
+    window = (torch.outer(taps, taps) / taps.sum() ** 2).expand(3, 1, 11, 11)
+    blur = lambda z: torch.nn.functional.conv2d(z[None], window, padding=5, groups=3)[0]  # noqa: E731
+    a, b = blur(x[:3]), blur(y)
+    contrast = (2 * (blur(x[:3] * y) - a * b) + 9e-4) / (blur(x[:3] ** 2) - a**2 + blur(y**2) - b**2 + 9e-4)
+    similarity = (2 * a * b + 1e-4) / (a**2 + b**2 + 1e-4) * contrast
+    wanted = torch.tensor(sensitivity, dtype=torch.float64) / 255
+    entropy = torch.nn.functional.binary_cross_entropy(x[3].clamp(1e-6, 1 - 1e-6), wanted)
+    total = WEIGHTS[0] * (x[:3] - y).abs().mean() + WEIGHTS[1] * (1 - similarity.mean()) + WEIGHTS[2] * entropy
+    total.backward()
+    return total.detach(), x.grad
+
+
+def test_value_and_gradient_are_those_of_autograd() -> None:
+    image, target, sensitivity = material(0)
+    total, gradient = reference(image, target, sensitivity)
+    result = ImageLoss(*WEIGHTS)(image, target, sensitivity)
+    assert result.total == pytest.approx(float(total), abs=VALUE)
+    # the clamp's float32 bounds move pixels that lie on them; random ones do not
+    largest = gradient.abs().amax(dim=(1, 2), keepdim=True).numpy()
+    assert np.abs((result.gradient - gradient.numpy()) / largest).max() < GRADIENT
+
+
+def test_parts_add_up() -> None:
+    image, target, sensitivity = material(1)
+    r = ImageLoss(*WEIGHTS)(image, target, sensitivity)
+    assert r.total == pytest.approx(0.8 * r.l1 + 0.2 * (1 - r.ssim) + 0.01 * r.entropy, rel=1e-12)
+    assert r.l1 == pytest.approx(np.abs(image[:3] - target / 255).mean(), abs=VALUE)
+
+
+def test_a_clamped_prediction_has_no_gradient() -> None:
+    image, target, sensitivity = material(2)
+    image[3, 0], image[3, 1] = 0, 1.2
+    gradient = ImageLoss()(image, target, sensitivity).gradient
+    assert not gradient[3, :2].any()
+    assert (gradient[3, 2:][(image[3, 2:] > 0) & (image[3, 2:] < 1)] != 0).mean() > 0.9
+
+
+def test_without_a_map_the_fourth_channel_gets_no_gradient() -> None:
+    image, target, _ = material(3)
+    result = ImageLoss()(image, target)
+    assert result.entropy == 0
+    assert not result.gradient[3].any()
+    assert result.gradient[:3].any()
+
+
+def test_equal_images_cost_nothing_and_pull_nowhere() -> None:
+    _, target, _ = material(4)
+    result = ImageLoss()((target * np.float32(1 / 255)), target)
+    assert result.total == pytest.approx(0, abs=VALUE)
+    assert np.abs(result.gradient).max() < NO_SLOPE * WEIGHTS[0] / target.size
+
+
+def test_a_crop_with_a_margin_costs_what_the_whole_costs() -> None:
+    image, target, sensitivity = material(5, 60, 70)
+    whole = np.ones((4, 60, 70), np.float32)
+    whole[3] = 0
+    white, nothing = np.full((3, 60, 70), 255, np.uint8), np.zeros((60, 70), np.uint8)
+    inside = (slice(20, 40), slice(25, 50))
+    for array, content in ((whole, image), (white, target), (nothing, sensitivity)):
+        array[..., inside[0], inside[1]] = content[..., inside[0], inside[1]]
+    all_of_it = ImageLoss()(whole, white, nothing)
+    crop = (slice(10, 50), slice(15, 60))
+    part = ImageLoss()(
+        np.ascontiguousarray(whole[:, crop[0], crop[1]]), white[:, crop[0], crop[1]], nothing[crop], 60 * 70
+    )
+    assert part.total == pytest.approx(all_of_it.total, abs=VALUE)  # the same terms in other bands
+    assert np.abs(part.gradient - all_of_it.gradient[:, crop[0], crop[1]]).max() < NO_SLOPE * WEIGHTS[0] / white.size
+    rest = all_of_it.gradient[:3].copy()
+    rest[:, crop[0], crop[1]] = 0
+    assert np.abs(rest).max() < NO_SLOPE * WEIGHTS[0] / white.size
+
+
+def test_threads_change_no_bit() -> None:
+    image, target, sensitivity = material(6, 50, 33)
+    alone = ImageLoss()(image, target, sensitivity)
+    shared = ImageLoss(share=Pool(3).run)(image, target, sensitivity)
+    assert alone.total == shared.total
+    assert np.array_equal(alone.gradient, shared.gradient)
