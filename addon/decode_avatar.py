@@ -3,15 +3,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper
 
-from . import engine, preferences, running
+from . import engine, preferences, running, sources
 from .job import Job
-from .open_file import absolute_head
 
 __all__ = ["CLASSES"]
 
@@ -31,6 +28,12 @@ class SachaDecode(bpy.types.Operator, ExportHelper):
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )
+    motion: StringProperty(
+        name="Motion",
+        description="Also write the motion, as flame_param.npz, to this file",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
     wait: running.wait_property()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -40,10 +43,10 @@ class SachaDecode(bpy.types.Operator, ExportHelper):
 
     def work(self, context: bpy.types.Context) -> running.Work:
         """Let the engine decode."""
-        source = avatar_source(self.source, context)
-        target = Path(bpy.path.abspath(self.filepath)).absolute()
-        head = context.scene.sacha.head
-        given = ["--head", absolute_head(head)] if head else []
+        source, target = sources.avatar_source(context, self.source), sources.full_path(self.filepath)
+        given = sources.head_options(context)
+        if self.motion:
+            given += ["--motion", str(sources.full_path(self.motion))]
         python = preferences.engine_python(context)
 
         def finish(job: Job) -> str:  # noqa: ARG001  (the PLY is all there is)
@@ -58,19 +61,6 @@ class SachaDecode(bpy.types.Operator, ExportHelper):
     execute = running.execute
     modal = running.modal
     cancel = running.cancel
-
-
-def avatar_source(named: str, context: bpy.types.Context) -> Path:
-    """Give the avatar's file: the one named, else the one that the active mesh was opened from.
-
-    Raises:
-        ValueError: none is named and the active object is no avatar.
-    """
-    shown = context.object.data.sacha if context.object is not None and context.object.type == "MESH" else None
-    source = named or (shown.source if shown is not None and shown.kind == "avatar" else "")
-    if not source:
-        raise ValueError("No avatar: open one, or select the mesh of one that is open")
-    return Path(bpy.path.abspath(source)).absolute()
 
 
 CLASSES = (SachaDecode,)

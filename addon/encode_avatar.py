@@ -10,10 +10,8 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper
 
-from . import engine, preferences, running
-from .decode_avatar import avatar_source
+from . import engine, preferences, running, sources
 from .job import Job
-from .open_file import absolute_head
 
 __all__ = ["CLASSES"]
 
@@ -29,7 +27,7 @@ class SachaEncode(bpy.types.Operator, ExportHelper):
     filter_glob: StringProperty(default="*.sacha", options={"HIDDEN"})
     source: StringProperty(
         name="Avatar",
-        description="Splat PLY bound to a head; where empty, the one that the active mesh was opened from",
+        description="Splat PLY, .sacha file or model folder; where empty, the one that the active mesh was opened from",
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )
@@ -43,16 +41,15 @@ class SachaEncode(bpy.types.Operator, ExportHelper):
     def work(self, context: bpy.types.Context) -> running.Work:
         """Let the engine encode."""
         chosen = context.scene.sacha
-        source = avatar_source(self.source, context)
-        target = Path(bpy.path.abspath(self.filepath)).absolute()
-        given = ["--head", absolute_head(chosen.head)] if chosen.head else []
+        source, target = sources.avatar_source(context, self.source), sources.full_path(self.filepath)
+        given = ["--ply", source] if source.suffix.lower() == ".ply" else [source]
+        given += [*sources.head_options(context), "--level", str(chosen.level), "-o", target]
         if chosen.motion:
-            given += ["--motion", str(Path(bpy.path.abspath(chosen.motion)).absolute())]
-        python, level = preferences.engine_python(context), str(chosen.level)
+            given += ["--motion", sources.full_path(chosen.motion)]
+        python = preferences.engine_python(context)
 
         def command(folder: Path) -> list[str]:
-            report = ["--json", folder / "report.json"]
-            return engine.command(python, "encode", "--ply", source, *given, "--level", level, "-o", target, *report)
+            return engine.command(python, "encode", *given, "--json", folder / "report.json")
 
         def finish(job: Job) -> str:
             told = json.loads((job.folder / "report.json").read_text(encoding="utf-8"))

@@ -9,7 +9,7 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from . import bridge, engine, preferences, running, settings
+from . import bridge, engine, preferences, running, settings, sources
 from .job import Job
 from .scene_folder import SceneFolder, read_scene_folder
 
@@ -46,9 +46,7 @@ class SachaOpen(bpy.types.Operator, ImportHelper):
 
     def work(self, context: bpy.types.Context) -> running.Work:
         """Let the engine read the file, then show it."""
-        source = Path(bpy.path.abspath(self.filepath)).absolute()
-        head = self.head or context.scene.sacha.head
-        given = ["--head", absolute_head(head)] if head else []
+        source, given = sources.full_path(self.filepath), sources.head_options(context, self.head)
         python = preferences.engine_python(context)
 
         def finish(job: Job) -> str:
@@ -67,11 +65,6 @@ class SachaOpen(bpy.types.Operator, ImportHelper):
     execute = running.execute
     modal = running.modal
     cancel = running.cancel
-
-
-def absolute_head(named: str) -> str:
-    """Give a head's path in full; a name that the engine knows (`synthetic`) stays as it is."""
-    return named if named.startswith("synthetic") else str(Path(bpy.path.abspath(named)).absolute())
 
 
 def show(context: bpy.types.Context, opened: SceneFolder, source: Path) -> bpy.types.Object:

@@ -40,6 +40,7 @@ class SachaPanel(bpy.types.Panel):
         if running_now is None:
             layout.operator("sacha.open", text="Open File...", icon="FILE_FOLDER")
             layout.prop(context.scene.sacha, "head")
+            layout.prop(context.scene.sacha, "masks")
         else:
             layout.label(text=running_now.work.title)
             layout.progress(factor=running_now.job.fraction, text=running_now.job.stage or "Starting")
@@ -68,7 +69,8 @@ class SachaShownPanel(bpy.types.Panel):
         if not shown.legend:
             layout.label(text="Its regions are not known: name its head model and open it again", icon="INFO")
             return
-        layout.row().prop(shown, "view", expand=True)
+        if len({line.view for line in shown.legend}) > 1:
+            layout.row().prop(shown, "view", expand=True)
         lines = [line for line in shown.legend if line.view == shown.view.lower()]
         column = layout.column(align=True)
         if shown.view == "REGION":

@@ -62,6 +62,11 @@ def wait_property() -> BoolProperty:
     )
 
 
+def events_come() -> bool:
+    """Tell whether Blender handles events: in background no timer ever fires."""
+    return not bpy.app.background
+
+
 def execute(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]:
     """Start an operator's work; see it through, or leave it to `modal`."""
     if _running:
@@ -73,7 +78,7 @@ def execute(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str
     except (EngineMissingError, OSError, ValueError) as error:
         operator.report({"ERROR"}, str(error))
         return {"CANCELLED"}
-    if operator.wait or bpy.app.background:
+    if operator.wait or not events_come():
         job.wait()
         return _conclude(operator, work, job)
     timer = context.window_manager.event_timer_add(TICK_S, window=context.window)

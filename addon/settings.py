@@ -70,6 +70,11 @@ class SachaSettings(bpy.types.PropertyGroup):
         description="Head model that avatars are bound to; may be empty for files that hold it, and for heads used before",
         subtype="FILE_PATH",
     )
+    masks: StringProperty(
+        name="Masks",
+        description="Vertex masks (FLAME_masks.npz or .pkl), which tell the regions of a head apart that brings none; may be empty",
+        subtype="FILE_PATH",
+    )
     motion: StringProperty(
         name="Motion", description="Motion to put into the .sacha file (.npz); may be empty", subtype="FILE_PATH"
     )

@@ -1,0 +1,89 @@
+"""Make what the Blender tests open, and write down what the engine's own functions say of it; runs in the engine's Python.
+
+Usage: make_material.py FOLDER
+
+`truth.npz`: `vertices` of the avatar's person, `faces`, `labels`, `count`, `region_srgb` (r, 3) uint8, `mesh_vertices` of the OBJ and PLY.
+`told.json`: the regions in order, the number of Gaussians of each, and the head's name.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+import sacha_core
+from sacha_core.flame.head_file import save_head
+from sacha_core.flame.model import HeadModel
+from sacha_core.flame.posing import person_template
+from sacha_core.flame.synthetic import synthetic_head
+from sacha_core.interchange.splat_ply import write_bound_ply
+from sacha_core.regions.scheme import PAPER
+
+SEED = 20
+N_FRAMES = 3
+LARGEST_COUNT = 40
+
+
+def make_avatar(head: HeadModel, rng: np.random.Generator) -> sacha_core.Avatar:
+    """Give an avatar whose triangles carry from none to many Gaussians, of a person who is not the mean."""
+    count = (LARGEST_COUNT * rng.random(head.n_faces) ** 4).astype(int)
+    gaussians = sacha_core.initial_gaussians(head.n_faces, rng, sh_degree=0)
+    gaussians = gaussians.select(np.repeat(np.arange(head.n_faces), count))
+    gaussians = replace(gaussians, position=rng.normal(0, 0.1, gaussians.position.shape).astype(np.float32))
+    motion = sacha_core.Motion.rest(head.shapedirs.shape[2], head.exprdirs.shape[2], N_FRAMES)
+    shape = rng.normal(0, 1, motion.shape.shape).astype(np.float32)
+    expression = rng.normal(0, 0.5, motion.expression.shape).astype(np.float32)
+    return sacha_core.Avatar(gaussians, head.reference, replace(motion, shape=shape, expression=expression))
+
+
+def write_meshes(folder: Path, head: HeadModel, vertices: np.ndarray) -> None:
+    """Write the head's mesh as other programs would: an OBJ with texture seams, and a PLY without teeth."""
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in vertices]
+    lines += [f"vt {u:.9g} {v:.9g}" for u, v in head.uv]
+    lines += [
+        "f " + " ".join(f"{vertex + 1}/{texture + 1}" for vertex, texture in zip(face, textures, strict=True))
+        for face, textures in zip(head.faces, head.uv_faces, strict=True)
+    ]
+    (folder / "head.obj").write_text("\n".join(lines) + "\n")
+    skin = head.faces[: head.n_faces - head.n_teeth_faces]
+    trimesh.Trimesh(vertices, skin, process=False).export(folder / "head.ply")
+
+
+def main(folder: Path) -> None:
+    """Write everything into `folder`."""
+    rng = np.random.default_rng(SEED)
+    head = synthetic_head("small")
+    avatar = make_avatar(head, rng)
+    save_head(head, folder / "head.npz")
+    write_bound_ply(folder / "avatar.ply", avatar.gaussians)
+    (folder / "avatar.sacha").write_bytes(sacha_core.encode(avatar, level=2, head=head))
+    mesh_vertices = (head.v_template + rng.normal(0, 1e-4, head.v_template.shape)).astype(np.float32)
+    write_meshes(folder, head, mesh_vertices)
+
+    decoded = sacha_core.decode(folder / "avatar.sacha", head=head)
+    labels = sacha_core.label_triangles(head)
+    np.savez(
+        folder / "truth.npz",
+        vertices=person_template(head, decoded.motion)[0],
+        faces=head.faces,
+        labels=labels,
+        count=np.bincount(decoded.gaussians.binding, minlength=head.n_faces),
+        ply_count=np.bincount(avatar.gaussians.binding, minlength=head.n_faces),
+        region_srgb=np.array(PAPER.colours, np.uint8),
+        mesh_vertices=mesh_vertices,
+        template=head.v_template,
+        uv=head.uv[head.uv_faces],
+        n_skin=head.n_faces - head.n_teeth_faces,
+    )
+    gaussians = sacha_core.region_counts(labels, decoded.gaussians.binding)
+    told = {"regions": PAPER.regions, "gaussians": gaussians.tolist(), "head": head.name}
+    (folder / "told.json").write_text(json.dumps(told))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
