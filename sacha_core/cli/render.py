@@ -104,16 +104,15 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         OSError: a file cannot be read or written.
     """
     from sacha_core.cli.sources import open_avatar
-    from sacha_core.cli.stage import Stage, coloured_by_region
+    from sacha_core.cli.stage import Stage, region_colours
 
     if (options.output is None) == (options.video is None):
         raise OptionError("expected one of the two: -o FILE.png for a picture, --video FILE.mp4 for a video")
     require_positive(width=options.width, height=options.height)
     opened = open_avatar(options.avatar, options.head, options.motion)
     gaussians = opened.avatar.gaussians
-    if options.colour == "region":
-        gaussians = coloured_by_region(gaussians, opened.head)
-    stage = Stage(gaussians, opened.head, opened.avatar.motion)
+    colours = region_colours(gaussians, opened.head) if options.colour == "region" else None
+    stage = Stage(gaussians, opened.head, opened.avatar.motion, colours)
     if options.output is not None:
         return draw_picture(stage, options, options.output, console)
     assert options.video is not None

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
 from sacha_core.avatar.binding import to_world
 from sacha_core.avatar.gaussians import Gaussians
@@ -22,9 +21,7 @@ from sacha_core.raster.scene import render_avatar
 from sacha_core.regions.labels import label_triangles
 from sacha_core.regions.scheme import PAPER, RegionScheme
 
-__all__ = ["Stage", "coloured_by_region"]
-
-SH_C0 = 0.28209479177387814  # the constant spherical harmonic, 1 / (2 sqrt(pi))
+__all__ = ["Stage", "region_colours"]
 
 
 class Stage:
@@ -34,10 +31,18 @@ class Stage:
         gaussians: the avatar's.
         head: the head that they are bound to.
         motion: what it does; None for the head at rest.
+        colours: (n, 3) to draw instead of the Gaussians' own.
     """
 
-    def __init__(self, gaussians: Gaussians, head: HeadModel, motion: Motion | None) -> None:
+    def __init__(
+        self,
+        gaussians: Gaussians,
+        head: HeadModel,
+        motion: Motion | None,
+        colours: Float[np.ndarray, "n 3"] | None = None,
+    ) -> None:
         self.gaussians = gaussians
+        self.colours = colours
         self.motion = motion or Motion.rest(head.shapedirs.shape[2], head.exprdirs.shape[2])
         self._faces = head.faces
         self._pose = Poser(head, self.motion)
@@ -62,21 +67,18 @@ class Stage:
         """Draw one frame on white, once for each camera, side by side."""
         frames = self.frames(frame)
         pictures = [
-            render_avatar(self.gaussians, frames, camera, rasteriser=self._rasteriser).colour for camera in cameras
+            render_avatar(self.gaussians, frames, camera, colours=self.colours, rasteriser=self._rasteriser).colour
+            for camera in cameras
         ]
         side_by_side: np.ndarray = np.clip(np.concatenate(pictures, axis=1), 0, 1)
         return np.round(255 * side_by_side).astype(np.uint8)
 
 
-def coloured_by_region(gaussians: Gaussians, head: HeadModel, scheme: RegionScheme = PAPER) -> Gaussians:
-    """Give the Gaussians each in the colour of the region that its triangle lies in.
+def region_colours(gaussians: Gaussians, head: HeadModel, scheme: RegionScheme = PAPER) -> Float[np.ndarray, "n 3"]:
+    """Give each Gaussian the colour of the region that its triangle lies in.
 
     Raises:
         HeadError: the head has no masks, so its regions are not known.
     """
-    colours = np.array(scheme.colours)[label_triangles(head, scheme)][gaussians.binding] / 255
-    return replace(
-        gaussians,
-        sh_dc=((colours - 0.5) / SH_C0).astype(np.float32),
-        sh_rest=np.zeros((len(gaussians), 0, 3), np.float32),
-    )
+    palette = np.array(scheme.colours, np.float32) / 255
+    return palette[label_triangles(head, scheme)[gaussians.binding]]

@@ -154,7 +154,7 @@ def test_a_ply_of_another_kind(refused, ply: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "value", "said"),
     [
-        ("binding_0", 640, "triangle 640"),
+        ("binding_0", 100_000, "triangle 100000"),
         ("binding_0", -1, "-1"),
         ("binding_0", 1.5, "1.5"),
         ("x", np.nan, "finite"),
