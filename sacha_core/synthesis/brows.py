@@ -18,14 +18,14 @@ BROW_LINE = np.array(
         [-0.15, 0.335, 0.062],
         [0.05, 0.365, 0.056],
         [0.22, 0.370, 0.042],
-        [0.38, 0.325, 0.026],
-        [0.48, 0.270, 0.012],
+        [0.35, 0.335, 0.028],
+        [0.44, 0.290, 0.012],
     ]
 )
 N_BROW = 150  # strands of one brow
 BROW_LENGTH_M, BROW_RADIUS_M = 0.0085, 0.00042
-UPPER_LASHES, LOWER_LASHES = 46, 26
-UPPER_LENGTH_M, LOWER_LENGTH_M, LASH_RADIUS_M = 0.0085, 0.0045, 0.00026
+UPPER_LASHES, LOWER_LASHES = 34, 14
+UPPER_LENGTH_M, LOWER_LENGTH_M, LASH_RADIUS_M = 0.0058, 0.0024, 0.00022
 
 
 def grow_brows(
@@ -164,7 +164,7 @@ def grow_lashes(
             curve = np.stack([x, np.broadcast_to(y, x.shape), np.broadcast_to(z, x.shape)], axis=2)
             points = start[:, None] + size[:, None, None] * curve
             nearest = lid[np.where(part[:, 0] < 0.5, index, index + 1)]
-            roots = face_at(head, nearest, balls)
+            roots = face_at(head, vertices, nearest, balls)
             shape = points.shape
             normal = np.broadcast_to(np.array([0.0, 0.3, 0.954]), shape)
             radii = LASH_RADIUS_M * np.interp(along, [0, 1], [1.2, 0.3]) * np.ones((count, 1))
@@ -172,12 +172,19 @@ def grow_lashes(
     return Strands(*(np.concatenate([part[k] for part in parts]) for k in range(6)))
 
 
-def face_at(head: HeadModel, at: Int[np.ndarray, " n"], balls: Int[np.ndarray, " m"]) -> Int[np.ndarray, " n"]:
-    """Give for each vertex one triangle of the lids that has it."""
-    on_ball = np.isin(head.faces, balls).any(axis=1)
-    first = np.full(head.n_vertices, -1)
-    rows = np.flatnonzero(~on_ball)[::-1]
+def face_at(
+    head: HeadModel, vertices: Float[np.ndarray, "v 3"], at: Int[np.ndarray, " n"], balls: Int[np.ndarray, " m"]
+) -> Int[np.ndarray, " n"]:
+    """Give for each vertex that triangle of the lids around it that looks most to the front: the lid's outside."""
+    rows = np.flatnonzero(~np.isin(head.faces, balls).any(axis=1))
+    corners = vertices[head.faces[rows]].astype(np.float64)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    frontal = normals[:, 2] / np.maximum(np.linalg.norm(normals, axis=1), 1e-12)
+    rows = rows[np.argsort(frontal)]  # the most frontal one is written last
+    best = np.full(head.n_vertices, -1)
     for k in range(3):
-        first[head.faces[rows, k]] = rows
-    found: np.ndarray = first[at]
+        later = np.full(head.n_vertices, -1)
+        later[head.faces[rows, k]] = np.arange(len(rows))
+        best = np.maximum(best, later)
+    found: np.ndarray = rows[best[at]]
     return found

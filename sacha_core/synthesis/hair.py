@@ -16,6 +16,7 @@ __all__ = ["HairStyle", "grow_hair"]
 N_STEPS = 24  # of tracing a strand, before it is resampled
 GRID = (48, 96)  # of the skull's radius by direction
 N_CLUMPS = 260
+PARTING_WIDTH_M = 0.05  # over which the hair reaches its full height
 
 
 @dataclass(frozen=True)
@@ -32,11 +33,11 @@ class HairStyle:
         radius: half width of a strand; more than a hair's, since one strand stands for many.
     """
 
-    n_strands: int = 3600
+    n_strands: int = 4200
     points_per_strand: int = 9
     top_length: float = 0.085
-    side_length: float = 0.028
-    lift: float = 0.020
+    side_length: float = 0.018
+    lift: float = 0.015
     parting: float = 0.026
     radius: float = 0.0011
 
@@ -86,10 +87,17 @@ class Skull:
         return radius
 
 
+def above_hairline(points: Float[np.ndarray, "n 3"], landmarks: Landmarks) -> Float[np.ndarray, " n"]:
+    """Give how surely points are high enough for hair, 0 to 1: above the ears in front of them, above the lobes behind."""
+    low, middle, high = landmarks.ears.mean(axis=0)
+    behind = smooth((middle[2] - points[:, 2]) / (0.9 * landmarks.spacing) + 0.25)
+    line = (0.35 * middle[1] + 0.65 * high[1]) * (1 - behind) + (low[1] - 0.1 * landmarks.spacing) * behind
+    return smooth((points[:, 1] - line) / (0.25 * landmarks.spacing))
+
+
 def grow_hair(
     head: HeadModel,
     vertices: Float[np.ndarray, "v 3"],
-    dense: Float[np.ndarray, "w 3"],
     landmarks: Landmarks,
     colour: Float[np.ndarray, "3"],
     style: HairStyle,
@@ -100,23 +108,24 @@ def grow_hair(
     Args:
         head: its scalp mask says where hair grows.
         vertices: (v, 3) of the unposed mesh, metres.
-        dense: (w, 3) of the finer surface.
         landmarks: of the same head.
         colour: linear RGB.
         style: cut and comb.
         rng: of chance.
     """
     faces, roots = scatter(head, vertices, style.n_strands, rng)
+    grown = rng.uniform(size=len(roots)) < above_hairline(roots, landmarks) ** 2
+    faces, roots = faces[grown], roots[grown]
     scalp = vertices[head.masks["scalp"]]
     centre = np.array([0.0, landmarks.eyes[:, 1].mean() + 0.02, (scalp[:, 2].min() + scalp[:, 2].max()) / 2])
-    skull = Skull(dense, centre)
-    top, bottom = scalp[:, 1].max(), landmarks.eyes[:, 1].mean()
-    rise = smooth((roots[:, 1] - bottom) / (top - bottom))  # 0 at the height of the eyes, 1 on the crown
+    skull = Skull(surface_samples(head, vertices, landmarks), centre)
+    top, bottom = scalp[:, 1].max(), landmarks.ears[:, 0, 1].mean()
+    rise = smooth((roots[:, 1] - bottom) / (top - bottom)) ** 1.4  # 0 at the height of the lobes, 1 on the crown
     length = (style.side_length + (style.top_length - style.side_length) * rise) * rng.uniform(0.8, 1.1, len(roots))
-    layer = rng.uniform(0.25, 1.0, len(roots))  # where a strand lies between the skull and the outside
-    lift = (0.25 + 0.75 * rise) * style.lift * layer
-    path = trace(roots, length, lift, skull, style)
-    path, clump = clumped(path, roots, layer, rng)
+    # Where a strand lies between the skull, 0, and the outside, 1: half of them outside, for a smooth outline.
+    layer = np.minimum(rng.uniform(0.25, 1.75, len(roots)), rng.uniform(0.92, 1.0, len(roots)))
+    path = trace(roots, length, layer, skull, style)
+    path, clump = clumped(path, roots, layer, style, rng)
     steps = np.linspace(0, N_STEPS, style.points_per_strand).round().astype(int)
     points = path[:, steps]
     along = np.linspace(0, 1, style.points_per_strand)
@@ -130,6 +139,20 @@ def grow_hair(
     exposure = (0.35 + 0.65 * layer)[:, None] * np.interp(along, [0, 0.4], [0.6, 1.0])
     albedo = tone[..., None] * colour
     return Strands(faces, points, radii, albedo, normals, exposure)
+
+
+def surface_samples(
+    head: HeadModel, vertices: Float[np.ndarray, "v 3"], landmarks: Landmarks
+) -> Float[np.ndarray, "n 3"]:
+    """Give points all over the head above the nape, without the ears: what hair must stay outside of."""
+    ears = np.zeros(head.n_vertices, bool)
+    ears[head.masks["left_ear"]] = ears[head.masks["right_ear"]] = True
+    weights = np.array([[a, b, 4 - a - b] for a in range(5) for b in range(5 - a)]) / 4
+    corners = vertices[head.faces[~ears[head.faces].any(axis=1)]].astype(np.float64)
+    points = np.einsum("wk,fkc->fwc", weights, corners).reshape(-1, 3)
+    floor = landmarks.ears[:, 0, 1].min() - 0.5 * landmarks.spacing
+    high: np.ndarray = points[points[:, 1] > floor]
+    return high
 
 
 def smooth(t: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
@@ -160,11 +183,14 @@ def scatter(
 def trace(
     roots: Float[np.ndarray, "n 3"],
     length: Float[np.ndarray, " n"],
-    lift: Float[np.ndarray, " n"],
+    layer: Float[np.ndarray, " n"],
     skull: Skull,
     style: HairStyle,
 ) -> Float[np.ndarray, "n m 3"]:
-    """Follow the comb from each root: sideways from the parting, back from the forehead, and down."""
+    """Follow the comb from each root: sideways from the parting, back from the forehead, and down.
+
+    The hair is a shell whose thickness depends on the place, thin at the parting; each strand soon rises to its layer in it.
+    """
     path = np.empty((len(roots), N_STEPS + 1, 3))
     path[:, 0] = roots
     here = roots - skull.centre
@@ -172,10 +198,14 @@ def trace(
     side = np.where(roots[:, 0] > style.parting, 1.0, -1.0)
     for k in range(1, N_STEPS + 1):
         outward = here / np.linalg.norm(here, axis=1, keepdims=True)
-        height = smooth(outward[:, 1])
         front = smooth(outward[:, 2] + 0.3)
+        top = smooth(outward[:, 1] * 1.4)
         comb = np.stack(
-            [side * (0.35 + 0.9 * height), -0.35 - 0.75 * (1 - height), -0.55 - 0.55 * front],
+            [
+                side * (0.12 + 0.5 * top * (0.3 + 0.7 * front)),
+                -0.25 - 0.9 * (1 - top),
+                -0.35 - 0.55 * front - 0.3 * top,
+            ],
             axis=1,
         )
         comb -= outward * np.einsum("nc,nc->n", comb, outward)[:, None]
@@ -183,7 +213,8 @@ def trace(
         here = here + comb * (length / N_STEPS)[:, None]
         outward = here / np.linalg.norm(here, axis=1, keepdims=True)
         s = k / N_STEPS
-        above = ground * (1 - s) + lift * (np.sin(np.pi * min(s * 1.25, 0.5)) * (1 - 0.45 * s**2)) + 0.001 * s
+        thickness = (0.2 + 0.8 * top) * (0.2 + 0.8 * smooth(np.abs(here[:, 0] - style.parting) / PARTING_WIDTH_M))
+        above = ground * (1 - s) + style.lift * thickness * layer * (1 - np.exp(-6 * s)) * (1 - 0.5 * s**2)
         here = outward * (skull.radius(outward) + above)[:, None]
         path[:, k] = skull.centre + here
     return path
@@ -193,11 +224,14 @@ def clumped(
     path: Float[np.ndarray, "n m 3"],
     roots: Float[np.ndarray, "n 3"],
     layer: Float[np.ndarray, " n"],
+    style: HairStyle,
     rng: np.random.Generator,
 ) -> tuple[Float[np.ndarray, "n m 3"], Int[np.ndarray, " n"]]:
-    """Draw strands towards the nearest of some guides among them, more so towards the tips; give also each one's guide."""
+    """Draw strands towards the nearest guide on their side of the parting, more so towards the tips; give also each one's guide."""
     guides = rng.choice(len(path), min(N_CLUMPS, len(path)), replace=False)
     squared = (roots**2).sum(axis=1)[:, None] - 2 * roots @ roots[guides].T + (roots[guides] ** 2).sum(axis=1)
+    left = roots[:, 0] > style.parting
+    squared[left[:, None] != left[guides]] = np.inf
     clump = np.argmin(squared, axis=1)
     along = np.linspace(0, 1, path.shape[1])
     pull = (0.55 * along**1.2)[None, :, None] * (0.4 + 0.6 * layer)[:, None, None]

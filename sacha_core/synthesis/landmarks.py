@@ -37,6 +37,7 @@ class Landmarks:
         mouth: (3,) middle of the lips.
         nose: (3,) tip of the nose.
         spacing: distance between the eyes' centres, by which patterns on the skin are scaled.
+        ears: (2, 3, 3) for each ear its lowest, middle and highest coordinates.
         lid_rims: for each eye the vertices of the lids' visible edge, counter-clockwise seen from the front.
         mouth_inside: (v,) vertices behind the lips.
         lid_inside: (v,) vertices of the lids' inner side.
@@ -48,6 +49,7 @@ class Landmarks:
     mouth: Float[np.ndarray, "3"]
     nose: Float[np.ndarray, "3"]
     spacing: float
+    ears: Float[np.ndarray, "2 3 3"]
     lid_rims: tuple[Int[np.ndarray, " a"], Int[np.ndarray, " b"]]
     mouth_inside: Bool[np.ndarray, " v"]
     lid_inside: Bool[np.ndarray, " v"]
@@ -87,6 +89,7 @@ def find_landmarks(head: HeadModel, vertices: Float[np.ndarray, "v 3"]) -> Landm
         mouth,
         nose[np.argmax(nose[:, 2])],
         spacing,
+        np.stack([np.quantile(vertices[head.masks[name]], (0, 0.5, 1), axis=0) for name in ("left_ear", "right_ear")]),
         (
             lid_rim(vertices, head.masks["left_eye_region"], head.masks["left_eyeball"], eyes[0], radii[0]),
             lid_rim(vertices, head.masks["right_eye_region"], head.masks["right_eyeball"], eyes[1], radii[1]),

@@ -63,12 +63,12 @@ class Studio:
 
 STUDIO = Studio(
     lamps=(
-        Lamp((0.65, 0.55, 0.75), (3.1, 2.9, 2.65), 5.0),  # key: large, warm, from the subject's upper left
+        Lamp((0.65, 0.55, 0.75), (3.3, 3.1, 2.85), 5.0),  # key: large, warm, from the subject's upper left
         Lamp((-0.8, 0.15, 0.6), (0.75, 0.85, 1.0), 4.0),  # fill: weak and cool
         Lamp((-0.55, 0.5, -0.85), (1.7, 1.75, 1.9), 8.0),  # rim from behind
     ),
-    sky=(0.62, 0.66, 0.72),
-    ground=(0.3, 0.27, 0.25),
+    sky=(0.52, 0.56, 0.62),
+    ground=(0.24, 0.21, 0.19),
 )
 
 

@@ -32,6 +32,8 @@ class Scene:
         table: (p + s m, 17) float32, what is known of each vertex and strand point; columns as in `kernels.shading`.
         lamps: (l, 7) float32 unit direction, colour and sharpness.
         iris: (5,) float32 colour, sine of its border's angle and of the pupil's.
+        cloth: (7,) float32 colour of the shirt; height of its collar above `REST` where z is 0 and its slope over z; z of the neck's
+            axis; length that its seams are measured by.
     """
 
     points: Float[np.ndarray, "p 3"]
@@ -43,6 +45,7 @@ class Scene:
     table: Float[np.ndarray, "r 17"]
     lamps: Float[np.ndarray, "l 7"]
     iris: Float[np.ndarray, "5"]
+    cloth: Float[np.ndarray, "7"]
 
 
 def ribbon_faces(n_strands: int, points_per_strand: int, first_vertex: int) -> Int[np.ndarray, "g 3"]:
@@ -95,6 +98,7 @@ class Renderer:
             scene.table,
             scene.lamps,
             scene.iris,
+            scene.cloth,
             camera.centre.astype(np.float32),
             self.encode,
             self.supersample,

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from sacha_core.flame.model import HeadModel
+from sacha_core.synthesis.hair import above_hairline
 from sacha_core.synthesis.kernels.shading import noise_at
 from sacha_core.synthesis.landmarks import Landmarks
 from sacha_core.synthesis.palette import Palette, linear
@@ -16,7 +17,9 @@ from sacha_core.synthesis.surface import FineSurface
 __all__ = ["Coat", "paint_surface"]
 
 N_FRECKLES = 90
-FADE_M = 0.022  # the lowest part of the bust fades into the background
+FADE_M = 0.010  # the lowest part of the bust fades into the background
+COLLAR_SLOPE = 0.25  # how much lower it is in front, metre a metre
+COLLAR_M = 0.012  # height of the shirt's collar above the boundary of the bust
 HEM_M = 0.0035  # thickness of the shirt
 
 
@@ -29,14 +32,16 @@ class Coat:
         gloss: (w,) 0 is matt, 1 wet.
         opacity: (w,) 0 is background.
         thickness: (w,) metres by which cloth stands off the skin.
-        cloth: (w,) 1 where there is cloth, 0 where there is skin.
+        clothed: (w,) where the shirt is, and just above it.
+        shirt: (7,) colour and cut, as `renderer.Scene.cloth`.
     """
 
     albedo: Float[np.ndarray, "w 3"]
     gloss: Float[np.ndarray, " w"]
     opacity: Float[np.ndarray, " w"]
     thickness: Float[np.ndarray, " w"]
-    cloth: Float[np.ndarray, " w"]
+    clothed: Bool[np.ndarray, " w"]
+    shirt: Float[np.ndarray, "7"]
 
 
 def step(low: float, high: float, x: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
@@ -94,6 +99,11 @@ class Painter:
         for name in names:
             inside[self.head.masks[name]] = 1
         return self.fine.interpolate(inside)
+
+    def fine_ids(self, name: str) -> Int[np.ndarray, " m"]:
+        """Give the vertices of an official mask; in the fine surface they have the same numbers."""
+        ids: np.ndarray = self.head.masks[name]
+        return ids
 
     def spot(self, centre: Float[np.ndarray, "3"], radius: float) -> Float[np.ndarray, " w"]:
         """Give a soft ball of influence; `radius` in distances between the eyes."""
@@ -156,6 +166,7 @@ class Painter:
     def scalp(self) -> None:
         """Darken the skin under the hair, with a soft hairline."""
         scalp = self.mask("scalp") * (1 - self.mask("neck", "left_ear", "right_ear"))
+        scalp *= above_hairline(self.points, self.marks)
         ragged = scalp + 0.18 * noise_at(self.points, 160.0) * scalp * (1 - scalp) * 4
         self.mix(0.92 * step(0.35, 0.95, ragged), self.palette.hair * 0.7)
         self.gloss -= 0.25 * step(0.3, 0.9, scalp)
@@ -169,22 +180,17 @@ class Painter:
     def dressed(self) -> Coat:
         """Put on the shirt, and give the finished coat."""
         bottom = self.points[:, 1].min()
-        neck = self.points[self.head.masks["neck"]]
-        collar = self.points[self.head.masks["boundary"]][:, 1].max()
-        slope = 0.25 * (self.points[:, 2] - neck[:, 2].mean())  # lower in front
-        line = (collar - self.points[:, 1] - slope) / self.marks.spacing
-        cloth = step(-0.02, 0.04, line) * (self.mask("boundary", "neck") > 0)
-        below = np.clip(line, 0, None)
-        turn = np.arctan2(self.points[:, 0], self.points[:, 2] - neck[:, 2].mean())
-        ribs = np.where(below < 0.22, 0.10 * np.sin(90 * turn), 0.05 * noise_at(self.points, 700.0))
-        seam = np.exp(-(((below - 0.22) / 0.015) ** 2))
-        fabric = self.palette.cloth * (1 + ribs - 0.35 * seam)[:, None]
-        self.albedo += cloth[:, None] * (fabric - self.albedo)
-        self.gloss *= 1 - cloth
+        axis = self.points[self.fine_ids("neck")][:, 2].mean()
+        height = self.points[self.fine_ids("boundary")][:, 1].max() + COLLAR_M
+        # Lower in front than behind.
+        shirt = np.array([*self.palette.cloth, height + COLLAR_SLOPE * axis, COLLAR_SLOPE, axis, self.marks.spacing])
+        below = height - COLLAR_SLOPE * (self.points[:, 2] - axis) - self.points[:, 1]
+        torso = self.mask("boundary", "neck") > 0
         return Coat(
             np.clip(self.albedo, 0.002, 0.95),
             np.clip(self.gloss, 0, 1),
             step(bottom, bottom + FADE_M, self.points[:, 1]),
-            HEM_M * cloth,
-            cloth,
+            HEM_M * step(-0.002, 0.004, below) * torso,
+            torso & (below > -0.012),
+            shirt.astype(np.float32),
         )

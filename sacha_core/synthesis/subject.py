@@ -11,6 +11,7 @@ from sacha_core.synthesis.brows import grow_brows, grow_lashes
 from sacha_core.synthesis.hair import HairStyle, grow_hair
 from sacha_core.synthesis.kernels.shading import (
     ALBEDO,
+    CLOTH,
     EYE,
     GLOSS,
     HAIR,
@@ -78,7 +79,7 @@ class Subject:
         m = style.points_per_strand
         self.strands = joined(
             [
-                grow_hair(head, vertices, points, marks, palette.hair, style, rng),
+                grow_hair(head, vertices, marks, palette.hair, style, rng),
                 grow_brows(head, vertices, coarse_normals, marks, palette.hair, m, rng),
                 grow_lashes(head, vertices, marks, palette.hair, m, rng),
             ]
@@ -103,6 +104,8 @@ class Subject:
         n_ribbons = 2 * (self.strands.radii.shape[1] - 1) * len(self.strands)
         kinds = np.full(len(self.fine.faces[-1]) + n_ribbons, SKIN, np.uint8)
         kinds[len(self.fine.faces[-1]) :] = HAIR
+        clothed = self.coat.clothed[self.fine.faces[-1]].any(axis=1)
+        kinds[: len(clothed)][clothed] = CLOTH
         for eye, name in zip(eyes, ("left_eyeball", "right_eyeball"), strict=True):
             ball = np.zeros(head.n_vertices, bool)
             ball[head.masks[name]] = True
@@ -150,4 +153,5 @@ class Subject:
             table,
             self.studio.lamp_table(),
             self.iris,
+            self.coat.shirt,
         )

@@ -11,7 +11,7 @@ FAST = {"contract", "nsz", "arcp", "reassoc"}
 UNIT = 1 << SUBPIXEL_BITS
 HALF = UNIT >> 1
 
-SKIN, EYE, HAIR = 0, 1, 2  # kinds of triangle
+SKIN, EYE, HAIR, CLOTH = 0, 1, 2, 3  # kinds of triangle
 
 # Columns of the table of vertices.
 POSITION, NORMAL, IRRADIANCE, ALBEDO, REST, GLOSS, OPACITY, N_COLUMNS = 0, 3, 6, 9, 12, 15, 16, 17
@@ -98,6 +98,24 @@ def paint_eye(direction, iris, albedo):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
+def paint_shirt(rest, shirt, albedo):
+    """Cover `albedo` (3,) by the shirt below its collar, with a ribbed neckband, and shade the skin above; give how much is cloth."""
+    below = (shirt[3] - shirt[4] * rest[2] - rest[1]) / shirt[6]
+    cover = step(f32(-0.012), f32(0.012), below)
+    turn = np.arctan2(rest[0], rest[2] - shirt[5])
+    band = step(f32(0.24), f32(0.21), below)
+    weave = f32(0.08) * np.sin(f32(70) * turn) * band
+    weave += f32(0.04) * (f32(1) - band) * noise(rest[0] * f32(500), rest[1] * f32(500), rest[2] * f32(500))
+    seam = f32(0.35) * np.exp(-(((below - f32(0.225)) / f32(0.02)) ** 2))
+    edge = f32(0.25) * np.exp(-((below / f32(0.03)) ** 2))
+    shadow = f32(1) - f32(0.45) * np.exp(-(((below - f32(0.0)) / f32(0.07)) ** 2))
+    for k in range(3):
+        cloth = shirt[k] * (f32(1) + weave - seam + edge)
+        albedo[k] = albedo[k] * shadow * (f32(1) - cover) + cloth * cover
+    return cover
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
 def add_surface_highlights(vertex, view, lamps, shade, gloss, strength, colour):
     """Add what a smooth surface reflects: a lobe for each lamp, and the sky at grazing angles.
 
@@ -146,7 +164,26 @@ def add_hair_highlights(vertex, view, lamps, shade, tint, colour):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def shade_sample(vertex, kind, back, lamps, iris, centre, view, albedo, colour):
+def paint_surface_sample(vertex, kind, iris, shirt, albedo):
+    """Give `vertex` a unit normal and `albedo` (3,) its fine detail; return gloss and strength of highlights."""
+    length = np.sqrt(vertex[NORMAL] ** 2 + vertex[NORMAL + 1] ** 2 + vertex[NORMAL + 2] ** 2)
+    for k in range(3):
+        vertex[NORMAL + k] /= max(length, f32(1e-6))
+    rest = vertex[REST : REST + 3]
+    if kind == EYE:
+        paint_eye(rest, iris, albedo)
+        return f32(1), f32(1.6)
+    pore = noise(rest[0] * f32(520), rest[1] * f32(520), rest[2] * f32(520))
+    for k in range(3):
+        albedo[k] *= f32(1) + f32(0.035) * pore
+    strength = (f32(0.25) + f32(0.9) * vertex[GLOSS]) * (f32(1) + f32(0.2) * pore)
+    if kind == CLOTH:
+        strength *= f32(1) - f32(0.8) * paint_shirt(rest, shirt, albedo)
+    return vertex[GLOSS], strength
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def shade_sample(vertex, kind, back, lamps, iris, shirt, centre, view, albedo, colour):
     """Fill `colour` (3,), linear RGB between 0 and 1, of one interpolated vertex."""
     vx, vy, vz = centre[0] - vertex[0], centre[1] - vertex[1], centre[2] - vertex[2]
     scale = f32(1) / np.sqrt(vx * vx + vy * vy + vz * vz)
@@ -163,18 +200,7 @@ def shade_sample(vertex, kind, back, lamps, iris, centre, view, albedo, colour):
             colour[k] = albedo[k] * vertex[IRRADIANCE + k]
         add_hair_highlights(vertex, view, lamps, shade, albedo, colour)
     else:
-        length = np.sqrt(vertex[NORMAL] ** 2 + vertex[NORMAL + 1] ** 2 + vertex[NORMAL + 2] ** 2)
-        for k in range(3):
-            vertex[NORMAL + k] /= max(length, f32(1e-6))
-        gloss, strength = vertex[GLOSS], f32(0.5) + vertex[GLOSS]
-        if kind == EYE:
-            paint_eye(vertex[REST : REST + 3], iris, albedo)
-            gloss, strength = f32(1), f32(1.6)
-        else:
-            pore = noise(vertex[REST] * f32(520), vertex[REST + 1] * f32(520), vertex[REST + 2] * f32(520))
-            for k in range(3):
-                albedo[k] *= f32(1) + f32(0.035) * pore
-            strength *= f32(1) + f32(0.2) * pore
+        gloss, strength = paint_surface_sample(vertex, kind, iris, shirt, albedo)
         for k in range(3):
             colour[k] = albedo[k] * vertex[IRRADIANCE + k]
         add_surface_highlights(vertex, view, lamps, shade, gloss, strength, colour)
@@ -184,7 +210,21 @@ def shade_sample(vertex, kind, back, lamps, iris, centre, view, albedo, colour):
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def shade_image(
-    ids, screen, inverse_depth, faces, kinds, n_surface, table, lamps, iris, centre, encode, supersample, image, mask
+    ids,
+    screen,
+    inverse_depth,
+    faces,
+    kinds,
+    n_surface,
+    table,
+    lamps,
+    iris,
+    shirt,
+    centre,
+    encode,
+    supersample,
+    image,
+    mask,
 ):
     """Shade all samples of a drawn depth buffer and average them to `image` (h, w, 3) and `mask` (h, w), uint8, on white.
 
@@ -226,8 +266,8 @@ def shade_image(
                     a, b, c = (a + n_surface) >> 1, (b + n_surface) >> 1, (c + n_surface) >> 1
                 for k in range(N_COLUMNS):
                     vertex[k] = wa * table[a, k] + wb * table[b, k] + wc * table[c, k]
-                shade_sample(vertex, kind, back, lamps, iris, centre, view, albedo, colour)
-                opacity = vertex[OPACITY]
+                shade_sample(vertex, kind, back, lamps, iris, shirt, centre, view, albedo, colour)
+                opacity = f32(0) if back and kind == CLOTH else vertex[OPACITY]  # the bust is open below
                 cover += opacity
                 clear = f32(1) - opacity
                 red += opacity * colour[0] + clear
