@@ -17,7 +17,7 @@ __all__ = ["Extent", "RoundTheHead", "ThroughCapture", "extent_of", "round_the_h
 
 FILLED = 0.92  # of the image, by the box round the head
 STRAY_PERCENT = 0.2  # of the Gaussians at each end of an axis that need not fit
-SHOWS = 0.1  # opacity from which a Gaussian counts
+SHOWS = 0.1  # of the highest opacity: what is fainter does not count
 DISTANCE = 1.0  # metres: a portrait's, with little perspective
 
 
@@ -40,9 +40,9 @@ def extent_of(means_world: Float[np.ndarray, "n 3"], opacities: Float[np.ndarray
     Raises:
         OptionError: there is nothing to look at.
     """
-    shown = means_world[opacities > SHOWS]
-    if len(shown) == 0:
-        raise OptionError(f"no Gaussian has an opacity over {SHOWS}; there is nothing to look at")
+    if len(opacities) == 0:
+        raise OptionError("the avatar has no Gaussians; there is nothing to look at")
+    shown = means_world[opacities >= SHOWS * opacities.max()]
     low, high = np.percentile(shown.astype(np.float64), [STRAY_PERCENT, 100 - STRAY_PERCENT], axis=0)
     return Extent((low + high) / 2, (high - low) / 2)
 

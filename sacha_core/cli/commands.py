@@ -21,7 +21,7 @@ class Command:
 
 
 COMMANDS = {
-    "demo": Command("demo", "Show all of it: a capture, two trainings, every level."),
+    "demo": Command("demo", "Film, train, compress, decode and judge a synthetic head, in minutes."),
     "synth": Command("synth", "Make a multi-view capture of the synthetic head."),
     "train": Command("train", "Train an avatar on a multi-view capture."),
     "encode": Command("encode", "Compress an avatar and its motion into a .sacha file."),

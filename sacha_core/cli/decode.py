@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource
+from sacha_core.cli.common import Common, FileOption
 from sacha_core.cli.console import Console, kilobytes
 from sacha_core.errors import OptionError
 
@@ -30,13 +31,14 @@ class Options:
     ply: FileOption = None
     """Write the Gaussians here, local to the triangles that `binding_0` names."""
 
-    motion: FileOption = None
+    motion: Annotated[Path | None, tyro.conf.arg(aliases=["--flame-param"], metavar="FILE", help_behavior_hint="")] = (
+        None
+    )
     """Write the motion here, as GaussianAvatars' flame_param.npz."""
 
     model: Annotated[Path | None, tyro.conf.arg(metavar="MODEL", help_behavior_hint="")] = None
     """Write both into this folder, in the layout of a GaussianAvatars model."""
 
-    head: HeadSource = field(default_factory=HeadSource)
     common: Common = field(default_factory=Common)
 
 
@@ -49,6 +51,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     """
     from sacha_core.cli.sources import naming
     from sacha_core.codec import decode
+    from sacha_core.files import write_aside
     from sacha_core.interchange.gaussian_avatars import write_flame_param, write_model
     from sacha_core.interchange.splat_ply import write_bound_ply
 
@@ -69,6 +72,8 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         write_flame_param(options.motion, avatar.motion)
         console.wrote("motion", options.motion, kilobytes(options.motion.stat().st_size))
     if options.model is not None:
+        with write_aside(options.model / "head.json") as aside:
+            aside.write_text(json.dumps({**asdict(avatar.head), "file": None}, indent=2) + "\n", encoding="utf-8")
         write_model(options.model, ITERATION, avatar.gaussians, avatar.motion)
         console.wrote("model", options.model)
     return {

@@ -15,7 +15,7 @@ from sacha_core.cli.common import HeadSource
 from sacha_core.codec import decode, embedded_head
 from sacha_core.errors import FormatError, HeadError
 from sacha_core.flame.model import HeadModel, HeadReference
-from sacha_core.flame.open import open_head
+from sacha_core.flame.open import attach_masks, open_head
 from sacha_core.flame.shelf import find_head, remember
 from sacha_core.interchange.capture import Capture, read_head_reference
 from sacha_core.interchange.gaussian_avatars import read_model
@@ -133,7 +133,11 @@ def _named(source: HeadSource, otherwise: str) -> HeadModel:
 def _found(reference: HeadReference, source: HeadSource, beside: Path | None, embedded: HeadModel | None) -> HeadModel:
     """Find the head of a known hash: the named one, the one beside or inside, or one used before."""
     named = source.head if source.head is not None else beside
-    return find_head(reference, named, embedded)
+    head = find_head(reference, named, embedded, source.masks)
+    if source.masks is not None and named is None:
+        head = attach_masks(head, source.masks)
+    remember(head)
+    return head
 
 
 @contextmanager

@@ -14,7 +14,7 @@ import pytest
 
 from sacha_core.cli import main
 
-ITERATIONS = 30
+ITERATIONS = 100
 
 
 @dataclass(frozen=True)

@@ -199,12 +199,18 @@ def test_an_avatar_whose_head_nobody_has(
     head = synthetic_head("small")
     rig = write_rig(tmp_path / "rig.npz", head.v_template * np.float32(1.01), head)
     monkeypatch.setenv("SACHA_HEADS", str(tmp_path / "heads"))
-    done("encode", "--ply", ply, "--head", rig, "-o", tmp_path / "a.sacha")
-    done("render", tmp_path / "a.sacha", "-o", tmp_path / "a.png", "--width", 32, "--height", 48)
+    alone, whole = tmp_path / "a.sacha", tmp_path / "whole.sacha"
+    assert done("encode", "--ply", ply, "--head", rig, "-o", alone).report["bytes"]["head"] == 0
+    assert done("encode", "--ply", ply, "--head", rig, "-o", whole, "--embed-head").report["bytes"]["head"] > 0
+    size = ("--width", 32, "--height", 48)
+    done("render", alone, "-o", tmp_path / "known.png", *size)
     shutil.rmtree(tmp_path / "heads")
-    line = refused("render", tmp_path / "a.sacha", "-o", tmp_path / "a.png")
+    line = refused("render", alone, "-o", tmp_path / "unknown.png")
     assert "--head" in line
-    assert "rig" in line
+    assert "'rig'" in line
+    done("render", whole, "-o", tmp_path / "embedded.png", *size)
+    assert (tmp_path / "embedded.png").read_bytes() == (tmp_path / "known.png").read_bytes()
+    done("render", alone, "-o", tmp_path / "again.png", *size)  # that was remembered, too
 
 
 def test_an_avatar_judged_on_a_capture_of_another_length(refused, done, model: Path, tmp_path: Path) -> None:
