@@ -70,10 +70,21 @@ def addon(preferences: bpy.types.AddonPreferences) -> ModuleType:
     return __import__(EXTENSION, fromlist=["bridge"])
 
 
-@pytest.fixture
-def opened(addon: ModuleType, material: Material) -> bpy.types.Object:
-    """The avatar of the material, opened from its .sacha file."""
+@pytest.fixture(scope="session")
+def opened_blend(installed: str, material: Material, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A .blend of nothing but the material's avatar, opened from its .sacha file."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.context.preferences.addons[installed].preferences.engine_python = ENGINE
     bpy.ops.sacha.open(filepath=str(material.folder / "avatar.sacha"))
+    path = tmp_path_factory.mktemp("opened") / "avatar.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), check_existing=False)
+    return path
+
+
+@pytest.fixture
+def opened(addon: ModuleType, opened_blend: Path) -> bpy.types.Object:
+    """The avatar of the material as the active object of the scene."""
+    bpy.ops.wm.open_mainfile(filepath=str(opened_blend))
     return bpy.context.object
 
 

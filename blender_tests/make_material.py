@@ -34,7 +34,17 @@ def make_avatar(head: HeadModel, rng: np.random.Generator) -> sacha_core.Avatar:
     count = (LARGEST_COUNT * rng.random(head.n_faces) ** 4).astype(int)
     gaussians = sacha_core.initial_gaussians(head.n_faces, rng, sh_degree=0)
     gaussians = gaussians.select(np.repeat(np.arange(head.n_faces), count))
-    gaussians = replace(gaussians, position=rng.normal(0, 0.1, gaussians.position.shape).astype(np.float32))
+    spread = {
+        "position": (0.0, 0.5),
+        "log_scale": (-1.5, 0.5),
+        "quaternion": (0.0, 1.0),
+        "opacity_logit": (2.0, 1.0),
+        "sh_dc": (0.0, 1.0),
+    }
+    gaussians = replace(
+        gaussians,
+        **{name: rng.normal(*law, getattr(gaussians, name).shape).astype(np.float32) for name, law in spread.items()},
+    )
     motion = sacha_core.Motion.rest(head.shapedirs.shape[2], head.exprdirs.shape[2], N_FRAMES)
     shape = rng.normal(0, 1, motion.shape.shape).astype(np.float32)
     expression = rng.normal(0, 0.5, motion.expression.shape).astype(np.float32)

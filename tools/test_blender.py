@@ -1,4 +1,4 @@
-"""Run the tests in blender_tests inside each supported Blender, one process each, and judge them by what they wrote.
+"""Run the tests in blender_tests inside each supported Blender, side by side, and judge them by what they wrote.
 
 A Blender process may hang or crash at its end after every test has passed, or fail and still exit with 0: the judge is the JUnit file,
 and each process has a time limit.
@@ -12,56 +12,77 @@ import subprocess
 import sys
 import tempfile
 import xml.etree.ElementTree as ET
+from dataclasses import dataclass
 from pathlib import Path
 
 from blender_env import BLENDERS, ROOT, UnavailableError, environment, install_all
 from build_addon import build
 
-__all__ = ["run"]
+__all__ = ["main"]
 
-TIME_LIMIT_S = 240  # a run takes about 20 s
+TIME_LIMIT_S = 240  # a run takes about 30 s
 TESTS = ROOT / "blender_tests"
 
 
-def run(release: str, extension: Path, arguments: list[str]) -> str | None:
-    """Run the tests in one Blender.
+@dataclass(frozen=True)
+class Run:
+    """The tests running in one Blender.
+
+    Args:
+        process: pytest, leader of a session of its own.
+        folder: what it writes: `junit.xml`, `output.txt`, and the user's files of a Blender that nobody used before.
+    """
+
+    process: subprocess.Popen[bytes]
+    folder: Path
+
+
+def start(release: str, extension: Path, folder: Path, arguments: list[str]) -> Run:
+    """Start the tests in one Blender.
 
     Args:
         release: which.
         extension: the built add-on.
+        folder: an empty one.
         arguments: more of them for pytest.
-
-    Returns:
-        None where all is well, else what is not.
     """
     python = environment(release) / "bin" / "python"
-    with tempfile.TemporaryDirectory(prefix="sacha-blender-") as user:
-        junit = Path(user) / "junit.xml"
-        variables = {
-            "BLENDER_USER_RESOURCES": f"{user}/resources",
-            "SACHA_ENGINE": str(ROOT / ".venv" / "bin" / "python"),
-            "SACHA_EXTENSION": str(extension),
-            "SACHA_HEADS": f"{user}/heads",
-            "PYTHONDONTWRITEBYTECODE": "1",
-        }
-        command = [python, "-m", "pytest", "-c", TESTS / "pytest.ini", TESTS, f"--junitxml={junit}", *arguments]
+    variables = {
+        "BLENDER_USER_RESOURCES": f"{folder}/resources",
+        "SACHA_ENGINE": str(ROOT / ".venv" / "bin" / "python"),
+        "SACHA_EXTENSION": str(extension),
+        "SACHA_HEADS": f"{folder}/heads",
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    options = [f"--junitxml={folder}/junit.xml", f"--basetemp={folder}/tests", *arguments]
+    with (folder / "output.txt").open("wb") as output:
         process = subprocess.Popen(  # noqa: S603
-            command, stdin=subprocess.DEVNULL, env=os.environ | variables, cwd=ROOT, start_new_session=True
+            [python, "-m", "pytest", "-c", TESTS / "pytest.ini", TESTS, *options],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            env=os.environ | variables,
+            cwd=ROOT,
+            start_new_session=True,
         )
-        try:
-            process.wait(TIME_LIMIT_S)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-            if not junit.exists():
-                return f"no result within {TIME_LIMIT_S} s"
-        return judge(junit)
+    return Run(process, folder)
+
+
+def finish(run: Run, time_limit_s: float) -> str | None:
+    """Wait for a run, end it if it takes too long, show what it printed, and give what is wrong; None where all is well."""
+    try:
+        run.process.wait(time_limit_s)
+    except subprocess.TimeoutExpired:
+        os.killpg(run.process.pid, signal.SIGKILL)
+        run.process.wait()
+    print((run.folder / "output.txt").read_text(errors="replace"), flush=True)  # noqa: T201
+    return judge(run.folder / "junit.xml")
 
 
 def judge(junit: Path) -> str | None:
     """Say what a JUnit file holds against a run; None where it holds nothing."""
     if not junit.exists():
-        return "no result was written: the process crashed"
+        return f"no result was written: it crashed, or took longer than {TIME_LIMIT_S} s"
     suite = ET.parse(junit).getroot().find("testsuite")
     counts = {name: int(suite.get(name)) for name in ("tests", "failures", "errors", "skipped")}
     if counts["tests"] - counts["skipped"] <= 0:
@@ -81,8 +102,14 @@ def main(arguments: list[str]) -> int:
     except UnavailableError as error:
         print(f"Blender tests left out: {error}", file=sys.stderr)  # noqa: T201
         return int(any(os.environ.get(name, "") not in {"", "0"} for name in ("CI", "SACHA_REQUIRE_BLENDER")))
-    built = build()
-    faults = {release: run(release, built, arguments) for release in BLENDERS}
+    extension = build()
+    with tempfile.TemporaryDirectory(prefix="sacha-blender-") as name:
+        runs = {}
+        for release in BLENDERS:
+            folder = Path(name) / release
+            folder.mkdir()
+            runs[release] = start(release, extension, folder, arguments)
+        faults = {release: finish(run, TIME_LIMIT_S) for release, run in runs.items()}
     for release, fault in faults.items():
         print(f"Blender {release}: {fault or 'passed'}")  # noqa: T201
     return int(any(faults.values()))

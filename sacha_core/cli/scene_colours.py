@@ -20,33 +20,29 @@ def linear_colours(srgb: UInt8[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 4"]:
 
     Source: IEC 61966-2-1.
     """
-    return _linear(srgb.astype(np.float64) / 255)
+    encoded = srgb.astype(np.float64) / 255
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    return np.concatenate([linear, np.ones_like(linear[:, :1])], axis=1).astype(np.float32)
 
 
 def linear_count_colours(count: Int[np.ndarray, " f"]) -> Float[np.ndarray, "f 4"]:
     """Give the colour of each count, on a logarithmic ramp from 1 to the largest; linear RGBA, float32."""
-    return _linear(_ramp(count, int(count.max(initial=0))))
+    return linear_colours(_ramp(count, int(count.max(initial=0))))
 
 
 def count_legend(largest: int) -> list[dict[str, Any]]:
     """Give the lines of the legend of counts up to `largest`: round numbers, and the largest itself."""
     ticks = {tick * 10**power for power in range(len(str(largest))) for tick in TICKS}
     shown = np.array(sorted({tick for tick in ticks if tick < largest} | {largest}))
-    colours = _linear(_ramp(shown, largest))
+    colours = linear_colours(_ramp(shown, largest))
     return [
         {"label": f"{n:,}", "colour": colour[:3].tolist()} for n, colour in zip(shown.tolist(), colours, strict=True)
     ]
 
 
-def _ramp(count: Int[np.ndarray, " n"], largest: int) -> Float[np.ndarray, "n 3"]:
-    """Give the sRGB colour, 0 to 1, of each count."""
+def _ramp(count: Int[np.ndarray, " n"], largest: int) -> UInt8[np.ndarray, "n 3"]:
+    """Give the sRGB colour of each count, in whole bytes: a picture of the mesh then has exactly these."""
     place = np.log(np.maximum(count, 1)) / np.log(max(largest, 2)) * (len(RAMP) - 1)
     stops = np.arange(len(RAMP))
     ramp = np.stack([np.interp(place, stops, [colour[channel] for colour in RAMP]) for channel in range(3)], axis=-1)
-    return np.where(count[:, None] == 0, np.array(NONE, np.float64), ramp) / 255
-
-
-def _linear(srgb: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 4"]:
-    """Decode sRGB, 0 to 1, and add full opacity."""
-    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-    return np.concatenate([linear, np.ones_like(linear[:, :1])], axis=1).astype(np.float32)
+    return np.where(count[:, None] == 0, np.array(NONE), np.rint(ramp)).astype(np.uint8)
