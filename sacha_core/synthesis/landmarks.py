@@ -38,7 +38,7 @@ class Landmarks:
         nose: (3,) tip of the nose.
         spacing: distance between the eyes' centres, by which patterns on the skin are scaled.
         ears: (2, 3, 3) for each ear its lowest, middle and highest coordinates.
-        lid_rims: for each eye the vertices of the lids' visible edge, counter-clockwise seen from the front.
+        lid_rims: for each eye the vertices along the edge of its lids.
         mouth_inside: (v,) vertices behind the lips.
         lid_inside: (v,) vertices of the lids' inner side.
         teeth: (v,) vertices of teeth.
@@ -83,6 +83,7 @@ def find_landmarks(head: HeadModel, vertices: Float[np.ndarray, "v 3"]) -> Landm
         teeth[head.faces[-head.n_teeth_faces :]] = True
     mouth = lips.mean(axis=0)
     to_eyes = np.linalg.norm(vertices[:, None] - eyes, axis=2).min(axis=1)
+    lid_inside = ~labelled & ~teeth & (to_eyes < 0.5 * spacing)
     return Landmarks(
         eyes,
         radii,
@@ -91,32 +92,19 @@ def find_landmarks(head: HeadModel, vertices: Float[np.ndarray, "v 3"]) -> Landm
         spacing,
         np.stack([np.quantile(vertices[head.masks[name]], (0, 0.5, 1), axis=0) for name in ("left_ear", "right_ear")]),
         (
-            lid_rim(vertices, head.masks["left_eye_region"], head.masks["left_eyeball"], eyes[0], radii[0]),
-            lid_rim(vertices, head.masks["right_eye_region"], head.masks["right_eyeball"], eyes[1], radii[1]),
+            lid_rim(head, head.masks["left_eye_region"], lid_inside),
+            lid_rim(head, head.masks["right_eye_region"], lid_inside),
         ),
         ~labelled & ~teeth & (np.linalg.norm(vertices - mouth, axis=1) < np.minimum(to_eyes, 1.2 * spacing)),
-        ~labelled & ~teeth & (to_eyes < 0.5 * spacing),
+        lid_inside,
         teeth,
     )
 
 
-def lid_rim(
-    vertices: Float[np.ndarray, "v 3"],
-    region: Int[np.ndarray, " m"],
-    eyeball: Int[np.ndarray, " k"],
-    eye: Float[np.ndarray, "3"],
-    radius: float,
-    n_bins: int = 40,
-) -> Int[np.ndarray, " b"]:
-    """Give the vertices along the lids' visible edge: in each direction from the eye's middle the innermost before the eyeball."""
-    skin = np.setdiff1d(region, eyeball)
-    offset = vertices[skin] - eye
-    across = np.hypot(offset[:, 0], offset[:, 1])
-    front = np.sqrt(np.maximum(radius**2 - across**2, 0))
-    before = (offset[:, 2] > front - 0.02 * radius) & (offset[:, 2] > 0)
-    skin, offset, across = skin[before], offset[before], across[before]
-    turn = np.arctan2(offset[:, 1], offset[:, 0])
-    order = np.argsort(turn)
-    bins = ((turn + np.pi) / (2 * np.pi) * n_bins).astype(int) % n_bins
-    rim = [skin[rows[np.argmin(across[rows])]] for b in range(n_bins) if len(rows := order[bins[order] == b])]
-    return np.unique(np.array(rim, np.int64)) if len(rim) < 3 else np.array(rim, np.int64)
+def lid_rim(head: HeadModel, region: Int[np.ndarray, " m"], inside: Bool[np.ndarray, " v"]) -> Int[np.ndarray, " b"]:
+    """Give the vertices of an eye's region that border on the lids' inner side."""
+    outside = np.zeros(head.n_vertices, bool)
+    outside[region] = True
+    bordering = head.faces[inside[head.faces].any(axis=1)]
+    rim: np.ndarray = np.unique(bordering[outside[bordering]])
+    return rim

@@ -159,7 +159,7 @@ class Painter:
         behind = self.fine.interpolate(self.marks.mouth_inside.astype(np.float64))
         depth = (self.marks.mouth[2] - self.points[:, 2]) / self.marks.spacing
         self.mix(behind, self.palette.skin * (0.6, 0.22, 0.22))
-        self.tint(behind * step(0.02, 0.45, depth), (0.10, 0.08, 0.08))
+        self.tint(behind * step(0.02, 0.45, depth), (0.22, 0.16, 0.16))
         lids = self.fine.interpolate(self.marks.lid_inside.astype(np.float64))
         self.tint(lids, (0.92, 0.62, 0.60))
 
