@@ -56,8 +56,8 @@ def load_head(path: str | os.PathLike[str]) -> HeadModel:
 
 
 def is_head_archive(arrays: Mapping[str, np.ndarray]) -> bool:
-    """Tell whether arrays have the names of a head model's."""
-    return all(name in arrays for name in REQUIRED)
+    """Tell whether arrays are meant as a head model's, complete or not."""
+    return "v_template" in arrays
 
 
 def head_to_arrays(head: HeadModel) -> dict[str, np.ndarray]:
@@ -116,8 +116,8 @@ def _numbers(name: str, array: np.ndarray, *, integer: bool) -> np.ndarray:
             f"array {name!r} of the head is of {array.dtype}, expected {'whole' if integer else 'real'} numbers"
         )
     if not integer:
-        limit = np.finfo(np.float32).max
-        return np.ascontiguousarray(np.clip(array, -limit, limit), np.float32)
+        with np.errstate(over="ignore"):  # what does not fit becomes infinite, which the head's check names
+            return np.ascontiguousarray(array, np.float32)
     limits = np.iinfo(np.int32)
     if array.size and not (int(array.min()) >= limits.min and int(array.max()) <= limits.max):
         raise FormatError(f"array {name!r} of the head holds numbers beyond 32 bits")

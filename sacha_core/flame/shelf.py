@@ -1,0 +1,85 @@
+"""The user's folder of heads: whatever head was used once is found again by its digest."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from sacha_core.errors import HeadError
+from sacha_core.flame.head_file import load_head, save_head
+from sacha_core.flame.model import HeadModel, HeadReference
+from sacha_core.flame.open import open_head, open_synthetic
+from sacha_core.flame.teeth import FLAME_VERTICES
+
+__all__ = ["find_head", "remember", "shelf_folder"]
+
+VARIABLE = "SACHA_HEADS"
+
+
+def shelf_folder() -> Path:
+    """Give the folder: the environment variable SACHA_HEADS, or `~/.cache/sacha/heads`. It need not exist."""
+    return Path(os.environ.get(VARIABLE) or Path.home() / ".cache" / "sacha" / "heads")
+
+
+def remember(head: HeadModel) -> Path | None:
+    """Keep a head for later; one with masks replaces the same one without.
+
+    Returns:
+        Its file, or None for a synthetic head, which its name is enough to make again.
+
+    Raises:
+        HeadError: the head contradicts itself.
+        OSError: the folder cannot be written.
+    """
+    made = open_synthetic(head.name)
+    if made is not None and made.reference == head.reference:
+        return None
+    path = shelf_folder() / f"{head.reference.sha256}.npz"
+    if not path.is_file() or (head.masks and not load_head(path).masks):
+        save_head(head, path)
+    return path
+
+
+def find_head(
+    reference: HeadReference,
+    explicit: str | os.PathLike[str] | None = None,
+    embedded: HeadModel | None = None,
+    masks: str | os.PathLike[str] | None = None,
+) -> HeadModel:
+    """Find the head that an avatar is bound to: the one named, else the one inside the file, else one used before, else made anew.
+
+    Args:
+        reference: which head it must be.
+        explicit: what the user names: a file, or a synthetic head.
+        embedded: the head inside the avatar's file.
+        masks: file of FLAME's vertex masks, for a head named by the user that brings none.
+
+    Raises:
+        HeadError: there is none, or the one named or embedded is another; the message says which is needed and how to give it.
+        FormatError: a file is damaged.
+        OSError: a file cannot be read.
+    """
+    if explicit is not None:
+        return _same(reference, open_head(explicit, masks, teeth=reference.n_vertices != FLAME_VERTICES), f"{explicit}")
+    if embedded is not None:
+        return _same(reference, embedded, "the head inside the file")
+    path = shelf_folder() / f"{reference.sha256}.npz"
+    if len(reference.sha256) == 64 and reference.sha256.isalnum() and path.is_file():
+        return _same(reference, load_head(path), f"{path}")
+    made = open_synthetic(reference.name)
+    if made is not None:
+        return _same(reference, made, f"the head that {reference.name!r} names here")
+    raise HeadError(
+        f"head {reference.name!r} ({reference.n_vertices} vertices, {reference.n_faces} triangles, SHA-256 {reference.sha256[:12]}...)"
+        f" is neither in the file nor in {shelf_folder()}; name it with --head FILE"
+    )
+
+
+def _same(reference: HeadReference, head: HeadModel, where: str) -> HeadModel:
+    if head.reference.sha256 == reference.sha256:
+        return head
+    raise HeadError(
+        f"{where} is not the head that the avatar is bound to: found {head.name!r}, {head.n_vertices} vertices, {head.n_faces} triangles,"
+        f" SHA-256 {head.reference.sha256[:12]}..., expected {reference.name!r}, {reference.n_vertices}, {reference.n_faces},"
+        f" {reference.sha256[:12]}..."
+    )
