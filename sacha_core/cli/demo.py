@@ -1,0 +1,177 @@
+"""`sacha demo`: the whole of SACHA on a head made of nothing but code."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from sacha_core.cli.common import Common
+from sacha_core.cli.console import Console, table, write_report
+from sacha_core.cli.waiting import duration
+
+if TYPE_CHECKING:
+    from sacha_core.avatar.avatar import Avatar
+    from sacha_core.evaluate.comparison import Quality, VariantResult
+    from sacha_core.flame.model import HeadModel
+    from sacha_core.interchange.capture import Capture
+
+__all__ = ["Options", "run"]
+
+BASELINE, OURS = "default", "sacha"
+ITERATIONS = 4800
+
+
+@dataclass(frozen=True)
+class Options:
+    """Film a synthetic head, train an avatar of it twice, compress, decode and judge.
+
+    The two trainings share their warm-up: one is the paper's baseline without regions, the other SACHA. Ends with a table, a picture and
+    the paths of what was written. The same command again continues where it was interrupted.
+    """
+
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FOLDER")] = Path("out/demo")
+    """Where everything goes."""
+
+    iterations: Annotated[int, tyro.conf.arg(metavar="N")] = ITERATIONS
+    """Length of each training."""
+
+    timesteps: Annotated[int, tyro.conf.arg(metavar="N")] = 13
+    """How many each of the four sequences to train on has."""
+
+    width: Annotated[int, tyro.conf.arg(metavar="PIXELS")] = 275
+    """Image width."""
+
+    height: Annotated[int, tyro.conf.arg(metavar="PIXELS")] = 401
+    """Image height."""
+
+    head: Annotated[str, tyro.conf.arg(metavar="HEAD")] = "synthetic"
+    """Who performs: "synthetic" or "synthetic:small"."""
+
+    seed: int = 0
+    """Of everything random."""
+
+    common: Common = field(default_factory=Common)
+
+
+class Stopwatch:
+    """How long each stage took."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        """Measure the time spent inside."""
+        start = time.perf_counter()
+        yield
+        self.seconds[stage] = round(time.perf_counter() - start, 2)
+
+
+def run(options: Options, console: Console) -> dict[str, Any]:
+    """Run every stage.
+
+    Raises:
+        SachaError: an option makes no sense.
+        OSError: a file cannot be written.
+    """
+    from sacha_core.evaluate.comparison import Judge
+    from sacha_core.evaluate.overview import Overview
+
+    watch = Stopwatch()
+    with watch("synth"):
+        capture, head = film(options, console)
+    avatars = train_both(options, console, capture, head, watch)
+    judge = Judge(capture, head, console.report)
+    results = {}
+    for name, avatar in avatars.items():
+        with watch(f"judge {name}"):
+            results[name] = judge.variant(name, avatar, options.out)
+    with watch("picture"):
+        Overview(capture, head, BASELINE, OURS, avatars, results).write(options.out / "overview.png")
+    report = {
+        "variants": {name: result.to_json() for name, result in results.items()},
+        "seconds": watch.seconds | {"total": round(sum(watch.seconds.values()), 2)},
+    }
+    write_report(options.out / "report.json", report)
+    tell(options, console, results, watch)
+    return report
+
+
+def film(options: Options, console: Console) -> tuple[Capture, HeadModel]:
+    """Make the capture, or keep the one that is there."""
+    from sacha_core.cli.synth import make_capture
+    from sacha_core.flame.open import open_head
+    from sacha_core.flame.shelf import remember
+    from sacha_core.interchange.capture import read_capture
+    from sacha_core.synthesis.options import SynthOptions
+
+    chosen = SynthOptions(
+        width=options.width, height=options.height, seed=options.seed, train_timesteps=options.timesteps
+    )
+    head = open_head(options.head)
+    remember(head)
+    make_capture(options.out / "capture", head, chosen, console)
+    return read_capture(options.out / "capture"), head
+
+
+def train_both(
+    options: Options, console: Console, capture: Capture, head: HeadModel, watch: Stopwatch
+) -> dict[str, Avatar]:
+    """Train the baseline, then, from its warm-up on, ours."""
+    from sacha_core.avatar.avatar import Avatar
+    from sacha_core.train.loop import train
+    from sacha_core.train.options import TrainOptions
+    from sacha_core.train.output import WARM_UP_CHECKPOINT
+    from sacha_core.train.presets import scaled
+
+    avatars = {}
+    start_from = None
+    for name in (BASELINE, OURS):
+        chosen = scaled(options.iterations, name, TrainOptions(seed=options.seed))
+        folder = options.out / name
+        with watch(f"train {name}"):
+            trained = train(capture, head, chosen, folder, console.report, start_from=start_from)
+        start_from = folder / WARM_UP_CHECKPOINT
+        avatars[name] = Avatar(trained.gaussians, head.reference, trained.motion)
+    return avatars
+
+
+def tell(options: Options, console: Console, results: Mapping[str, VariantResult], watch: Stopwatch) -> None:
+    """Say what came out, as tables and paths."""
+    rows = []
+    for name, result in results.items():
+        cells = (f"{result.n_gaussians:,}", f"{result.raw_bytes / 1000:,.1f} KB", "")
+        rows.append((f"{name}, uncompressed", *cells, *figures(result.novel_view, result.novel_expression)))
+        for level, coded in sorted(result.levels.items(), reverse=True):
+            cells = ("", f"{coded.n_bytes / 1000:,.1f} KB", f"{coded.bytes_per_frame:.0f} B")
+            rows.append((f"  level {level}", *cells, *figures(coded.novel_view, coded.novel_expression)))
+    titles = ("", "Gaussians", "size", "a frame", "view PSNR", "SSIM", "expression PSNR", "SSIM")
+    console.say(table(titles, rows))
+    theirs, ours = results[BASELINE], results[OURS]
+    console.say()
+    shares = [
+        (region, f"{count:,}", f"{ours.per_region[region]:,}", f"{ours.per_region[region] / max(count, 1):.0%}")
+        for region, count in theirs.per_region.items()
+    ]
+    console.say(table(("region", BASELINE, OURS, "share"), shares))
+    console.say(
+        f"\n{OURS} uses {ours.n_gaussians / theirs.n_gaussians:.0%} of the Gaussians of {BASELINE} at "
+        f"{ours.novel_view.psnr - theirs.novel_view.psnr:+.2f} dB by the held-out camera and "
+        f"{ours.novel_expression.psnr - theirs.novel_expression.psnr:+.2f} dB in held-out expressions.\n"
+    )
+    console.say("took         " + ", ".join(f"{stage} {duration(s)}" for stage, s in watch.seconds.items()))
+    console.wrote("picture", options.out / "overview.png")
+    console.wrote("report", options.out / "report.json")
+    console.wrote("avatar", ours.levels[2].file)
+    console.hint(f"sacha render {ours.levels[2].file} --video {options.out / 'avatar.mp4'}")
+
+
+def figures(*qualities: Quality) -> tuple[str, ...]:
+    """Give PSNR and SSIM of each as text."""
+    return tuple(text for quality in qualities for text in (f"{quality.psnr:.2f} dB", f"{quality.ssim:.4f}"))
