@@ -11,7 +11,7 @@ from sacha_core.synthesis.kernels.surface import curved_midpoints, vertex_normal
 
 __all__ = ["FineSurface", "subdivide"]
 
-ROUNDNESS = np.float32(0.75)  # of Phong tessellation: 0 is flat triangles
+ROUNDNESS = np.float32(0.5)  # of Phong tessellation; at 1/2 the middle of a short arc of a circle lies on the circle
 
 
 @dataclass(frozen=True)
