@@ -55,7 +55,6 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         SachaError: avatar, head or motion is broken, or they do not belong together.
         OSError: a file cannot be read or written.
     """
-    from sacha_core.avatar.gaussians import PLY_BYTES_PER_GAUSSIAN
     from sacha_core.cli.inspect import byte_counts
     from sacha_core.cli.sources import open_avatar
     from sacha_core.codec import encode, inspect
@@ -71,7 +70,9 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     with write_aside(options.output) as aside:
         aside.write_bytes(data)
     found = inspect(data)
-    raw = PLY_BYTES_PER_GAUSSIAN * len(avatar.gaussians)
+    raw = (
+        4 * (15 + 3 * (avatar.gaussians.sh_degree + 1) ** 2) * len(avatar.gaussians)
+    )  # float32, as GaussianAvatars' PLY
     left_out = len(avatar.gaussians) - found.n_gaussians
     console.wrote("avatar", options.output, f"level {options.level}, {kilobytes(found.total_bytes)}")
     console.say(

@@ -103,7 +103,8 @@ class PlainLines:
         if now - self._written < SECONDS_BETWEEN_LINES:
             return
         self._written = now
-        sys.stderr.write(f"{progress.stage} {progress.done}/{progress.total}, {_left(left)}{_values(progress)}\n")
+        pace = "" if left is None else f", {_left(left)}"
+        sys.stderr.write(f"{progress.stage} {progress.done}/{progress.total}{pace}{_values(progress)}\n")
         sys.stderr.flush()
 
     def close(self) -> None:

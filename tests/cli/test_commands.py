@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import get_args
@@ -107,6 +109,40 @@ def test_decode_gives_back_what_the_codec_decodes(done, sacha_file: Path, tmp_pa
     np.testing.assert_array_equal(read_flame_param(motion).expression, avatar.motion.expression)
     again = done("encode", folder, "-o", tmp_path / "again.sacha")
     assert again.report["n_gaussians"] + again.report["n_gaussians_left_out"] == outcome.report["n_gaussians"]
+
+
+def test_decoding_needs_neither_torch_nor_trimesh_nor_numba(sacha_file: Path, tmp_path: Path) -> None:
+    """None in `sys.modules` makes an import fail, as if the package were not there."""
+    code = (
+        "import sys\n"
+        "for name in ('torch', 'trimesh', 'numba', 'xatlas'): sys.modules[name] = None\n"
+        "from sacha_core.cli import main\n"
+        f"sys.exit(main(['decode', {str(sacha_file)!r}, '--ply', {str(tmp_path / 'b.ply')!r}]))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=120)
+    assert found.returncode == 0, found.stderr
+    assert len(read_bound_ply(tmp_path / "b.ply")) == len(decode(sacha_file).gaussians)
+
+
+def test_drawing_needs_no_torch(sacha_file: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys\n"
+        "for name in ('torch', 'trimesh'): sys.modules[name] = None\n"
+        "from sacha_core.cli import main\n"
+        f"sys.exit(main(['render', {str(sacha_file)!r}, '-o', {str(tmp_path / 'a.png')!r}]))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=120)
+    assert found.returncode == 0, found.stderr
+
+
+def test_training_without_torch_says_what_to_install(capture: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys; sys.modules['torch'] = None\n"
+        "from sacha_core.cli import main\n"
+        f"sys.exit(main(['train', {str(capture)!r}, '-o', {str(tmp_path / 'm')!r}]))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=120)
+    assert (found.returncode, found.stderr) == (2, "sacha train: needs the package torch: pip install 'sacha[train]'\n")
 
 
 def test_decode_wants_to_know_where_to(refused, sacha_file: Path) -> None:
