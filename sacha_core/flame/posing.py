@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -15,6 +15,7 @@ from sacha_core.geometry.skinning import joint_transforms, skin
 __all__ = ["HeadMotion", "Poser", "fit_components", "person_template", "pose_many", "pose_vertices"]
 
 
+@runtime_checkable
 class HeadMotion(Protocol):
     """What posing needs of a motion; `sacha_core.avatar.motion.Motion`, which see, is one."""
 

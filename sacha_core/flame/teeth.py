@@ -114,7 +114,7 @@ def teeth_vertices(v_template: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "1
         return shifted
 
     upper_edge, lower_edge = moved(middle, y=0.1), moved(middle, y=-0.1, z=-0.4)
-    upper_root, lower_root = moved(upper_edge, y=2), moved(lower_edge, y=-2)
+    upper_root, lower_root = moved(upper_edge, y=2.0), moved(lower_edge, y=-2.0)
     back = {"z": -1.0}
     rows = {
         UPPER_ROOT: upper_root,

@@ -62,7 +62,7 @@ def arkit_from_arrays(arrays: dict[str, np.ndarray], head: HeadModel | None = No
 
 def _in_order_of(
     head: HeadModel, weights: Float[np.ndarray, "t e"], names: tuple[str, ...]
-) -> Float[np.ndarray, "t e"]:
+) -> Float[np.ndarray, "t k"]:
     n = head.exprdirs.shape[2]
     if not (names and head.expression_names):
         if weights.shape[1] != n:
