@@ -26,6 +26,7 @@ from sacha_core.codec.position import decode_position
 from sacha_core.codec.rotation import decode_rotation
 from sacha_core.codec.scale import classes_of, decode_scale
 from sacha_core.codec.static import decode_static
+from sacha_core.codec.template import Template, template_of, unknown_template
 from sacha_core.errors import FormatError, HeadError
 from sacha_core.flame.model import HeadModel
 
@@ -72,35 +73,53 @@ def read_header(data: bytes, sections: dict[str, Section]) -> Header:
 def decode(source: Source, *, head: HeadModel | None = None) -> Avatar:
     """Decompress an avatar.
 
-    Gaussians come sorted by triangle, in a triangle by falling opacity, the axes of each by falling scale.
+    Gaussians come triangle by triangle, in a triangle by falling opacity, the axes of each by falling scale.
 
     Args:
         source: the bytes of a `.sacha` file, or its path.
-        head: the head model that it should be bound to; only checked: decoding itself needs no head.
+        head: the head model that it is bound to. A file that was made with one (`Header.needs_head`) needs it: where it is not given, the
+            one inside the file is taken, else one that was used before (`sacha_core.flame.shelf`).
 
     Returns:
-        The avatar, valid and finite; where its head is, `sacha_core.flame.shelf` or `embedded_head` tell.
+        The avatar, valid and finite.
 
     Raises:
         FormatError: the file is damaged, cut, of a newer version, or no `.sacha` file at all.
-        HeadError: `head` is another one.
+        HeadError: `head` is another one, or the head is needed and not to be found; the message names it.
         OSError: the file cannot be read.
     """
     data = read_source(source)
     _, sections = sections_of(data)
     header = read_header(data, sections)
-    if head is not None and head.reference.sha256 != header.head.sha256:
-        raise HeadError(f"the file is bound to head {header.head.name!r}, another one, {head.name!r}, was given")
-    gaussians = decode_gaussians(sections, header)
+    gaussians = decode_gaussians(sections, header, find_template(sections, header, head))
     gaussians.validate(header.head.n_faces)
     motion = read_motion(sections, header)
     return Avatar(gaussians, header.head, motion, header.scheme)
 
 
-def decode_gaussians(sections: dict[str, Section], header: Header) -> Gaussians:
+def find_template(sections: dict[str, Section], header: Header, head: HeadModel | None) -> Template:
+    """Give what is known of the head: from the one given, the one inside, or one used before.
+
+    Raises:
+        HeadError: it is needed and not to be found, or is another one.
+    """
+    if not header.needs_head and head is None:
+        return unknown_template(header.head.n_faces)
+    if head is None:
+        head = head_inside(sections, header)
+    if head is None:
+        from sacha_core.flame.shelf import find_head  # noqa: PLC0415  # may have to make a synthetic head
+
+        head = find_head(header.head, None, None)
+    if head.reference.sha256 != header.head.sha256 or head.n_faces != header.head.n_faces:
+        raise HeadError(f"the file is bound to head {header.head.name!r}, another one, {head.name!r}, was given")
+    return template_of(head.v_template, head.faces) if header.needs_head else unknown_template(head.n_faces)
+
+
+def decode_gaussians(sections: dict[str, Section], header: Header, template: Template) -> Gaussians:
     """Decode all attributes, each after those that its steps follow."""
-    counts = decode_counts(need(sections, "Counts").reader(), header.head.n_faces, header.n_gaussians)
-    layout = Layout(counts)
+    counts = decode_counts(need(sections, "Counts").reader(), template.order, header.n_gaussians)
+    layout = Layout(counts, template)
     index, table = decode_opacity(need(sections, "Opacity").reader(), layout)
     transparency = table.transparency[index]
     log_scale, scale = decode_scale(need(sections, "Scale").reader(), layout, transparency)
@@ -140,7 +159,11 @@ def embedded_head(source: Source) -> HeadModel | None:
     """
     data = read_source(source)
     _, sections = sections_of(data)
-    header = read_header(data, sections)
+    return head_inside(sections, read_header(data, sections))
+
+
+def head_inside(sections: dict[str, Section], header: Header) -> HeadModel | None:
+    """Give the embedded head, or None where there is none."""
     if "head" not in sections:
         return None
     head = decode_head(sections["head"].reader())

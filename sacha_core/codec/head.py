@@ -11,11 +11,13 @@ from __future__ import annotations
 import math
 import struct
 import zlib
+from typing import Any
 
 import numpy as np
 from jaxtyping import Num
 
 from sacha_core.codec.reading import ByteReader, pack_text
+from sacha_core.errors import HeadError
 from sacha_core.flame.model import HeadModel
 
 __all__ = ["decode_head", "encode_head"]
@@ -32,7 +34,7 @@ ARRAYS = (
     "uv",
     "uv_faces",
 )
-DIMENSIONS = {"v_template": 2, "shapedirs": 3, "exprdirs": 3, "J_regressor": 2, "weights": 2, "posedirs": 3, "uv": 2}
+NEEDED = ARRAYS[:7]
 MASK = "mask:"
 KINDS = {0: np.dtype("<f4"), 1: np.dtype("<i4")}
 MAX_RATIO = 1032  # zlib cannot do better
@@ -50,9 +52,10 @@ def encode_head(head: HeadModel) -> bytes:
     """Write a head model."""
     present = {name: getattr(head, name) for name in ARRAYS if getattr(head, name) is not None}
     arrays = present | {MASK + name: mask for name, mask in head.masks.items()}
-    body = b"".join(pack_array(name, array) for name, array in arrays.items())
-    head_bytes = pack_text(head.name) + struct.pack("<IHI", head.n_teeth_faces, len(arrays), len(body))
-    return head_bytes + zlib.compress(body, 9)
+    names = struct.pack("<H", len(head.expression_names)) + b"".join(pack_text(name) for name in head.expression_names)
+    body = names + b"".join(pack_array(name, array) for name, array in arrays.items())
+    front = pack_text(head.name) + struct.pack("<IHI", head.n_teeth_faces, len(arrays), len(body))
+    return front + zlib.compress(body, 9)
 
 
 def unpack_array(reader: ByteReader) -> tuple[str, Num[np.ndarray, "..."]]:
@@ -63,14 +66,12 @@ def unpack_array(reader: ByteReader) -> tuple[str, Num[np.ndarray, "..."]]:
     """
     name = reader.text()
     kind, n_dimensions = reader.unpack("BB")
-    if kind not in KINDS or n_dimensions > 3:
+    if kind not in KINDS or not 1 <= n_dimensions <= 3:
         raise reader.error(f"array {name!r} of kind {kind} with {n_dimensions} dimensions")
     shape = reader.unpack(f"{n_dimensions}I")
     n_values = math.prod(shape)
     planes = np.frombuffer(reader.take(4 * n_values), np.uint8).reshape(4, n_values)
     array = np.ascontiguousarray(planes.T).reshape(-1).view(KINDS[kind]).reshape(shape)
-    if kind == 0 and not np.isfinite(array).all():
-        raise reader.error(f"array {name!r} is not finite")
     return name, array.astype(KINDS[kind].newbyteorder("="))
 
 
@@ -92,59 +93,19 @@ def decode_head(reader: ByteReader) -> HeadModel:
         raise reader.error(f"not zlib data: {fault}") from fault
     if len(body) != n_bytes or not unpacker.eof or unpacker.unused_data:
         raise reader.error(f"the head unpacks to {len(body)} bytes or more, expected {n_bytes}")
-    inner = ByteReader(body, "head (unpacked)")
+    inner = ByteReader(body, "head, unpacked")
+    (n_names,) = inner.unpack("H")
+    expression_names = tuple(inner.text() for _ in range(n_names))
     arrays = dict(unpack_array(inner) for _ in range(n_arrays))
     inner.check_end()
     masks = {key.removeprefix(MASK): arrays.pop(key) for key in list(arrays) if key.startswith(MASK)}
-    missing = [key for key in ARRAYS[:7] if key not in arrays]
-    if missing or set(arrays) - set(ARRAYS):
-        raise reader.error(f"the head lacks {missing}" if missing else "the head has arrays of unknown names")
-    head = HeadModel(name=name, **arrays, masks=masks, n_teeth_faces=n_teeth_faces)
-    check_fit(reader, head)
+    missing, unknown = set(NEEDED) - set(arrays), set(arrays) - set(ARRAYS)
+    if missing or unknown:
+        raise reader.error(f"the head lacks arrays {sorted(missing)} or has unknown ones, {sorted(unknown)}")
+    fields: dict[str, Any] = {**arrays, "masks": masks, "expression_names": expression_names}
+    head = HeadModel(name=name, n_teeth_faces=n_teeth_faces, **fields)
+    try:
+        head.validate()
+    except HeadError as fault:
+        raise reader.error(str(fault)) from fault
     return head
-
-
-def check_fit(reader: ByteReader, head: HeadModel) -> None:
-    """Check that shapes agree and indices point inside.
-
-    Raises:
-        FormatError: naming the array.
-    """
-    for key in ARRAYS:
-        array = getattr(head, key)
-        if array is None:
-            continue
-        expected = {"faces": 2, "parents": 1, "uv_faces": 2}.get(key) or DIMENSIONS[key]
-        integer = key in ("faces", "parents", "uv_faces")
-        if array.ndim != expected or np.issubdtype(array.dtype, np.integer) != integer:
-            raise reader.error(f"head array {key} has shape {array.shape} and type {array.dtype}")
-    v, f, j = head.n_vertices, head.n_faces, len(head.parents)
-    shapes = {
-        "v_template": (v, 3),
-        "faces": (f, 3),
-        "shapedirs": (v, 3, head.shapedirs.shape[2]),
-        "exprdirs": (v, 3, head.exprdirs.shape[2]),
-        "J_regressor": (j, v),
-        "weights": (v, j),
-    }
-    if head.posedirs is not None:
-        shapes["posedirs"] = (v, 3, 9 * (j - 1))
-    if head.uv is not None:
-        shapes["uv"] = (len(head.uv), 2)
-    if head.uv_faces is not None:
-        shapes["uv_faces"] = (f, 3)
-    for key, shape in shapes.items():
-        if getattr(head, key).shape != shape:
-            raise reader.error(f"head array {key} has shape {getattr(head, key).shape}, expected {shape}")
-    limits = [("faces", head.faces, v), ("uv_faces", head.uv_faces, 0 if head.uv is None else len(head.uv))]
-    limits += [(f"mask {key!r}", mask, v) for key, mask in head.masks.items()]
-    for key, indices, limit in limits:
-        if indices is not None and indices.size and (indices.min() < 0 or indices.max() >= limit):
-            raise reader.error(f"head array {key} points outside 0 to {limit - 1}")
-    if j == 0 or head.parents[0] != -1 or not all(0 <= head.parents[i] < i for i in range(1, j)) or n_bad_teeth(head):
-        raise reader.error("head joints are not a tree in order, or it has more teeth than triangles")
-
-
-def n_bad_teeth(head: HeadModel) -> bool:
-    """Whether more triangles are teeth than there are."""
-    return head.n_teeth_faces > head.n_faces

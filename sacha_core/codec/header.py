@@ -11,10 +11,14 @@ from dataclasses import dataclass
 from sacha_core.codec.reading import ByteReader, pack_text
 from sacha_core.flame.model import HeadReference
 
-__all__ = ["Header", "number_budget"]
+__all__ = ["Header"]
 
-LAYOUT = "BBBBIIIIIII"  # profile, level, SH degree, flags (0), then eight counts as in Header
+LAYOUT = "BBBBIIIIIII"  # profile, level, SH degree, flags, then seven counts as in Header
 PROFILE_LOSSY = 0
+# what a file may decode to is bounded by its size, so that a few bytes cannot ask for hours or gigabytes
+FREE_ATTRIBUTES, ATTRIBUTES_PER_BYTE = 1 << 16, 64
+FREE_ADAPTIVE, ADAPTIVE_PER_BYTE = 1 << 15, 16
+HAS_MOTION, NEEDS_HEAD = 1, 2  # flags
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,7 @@ class Header:
         n_shape: identity coefficients.
         n_offsets: vertices with a personal offset, 0 or as many as the head has.
         has_motion: whether there is a motion.
+        needs_head: whether decoding needs the head model, for the order and sizes of its triangles.
     """
 
     level: int
@@ -44,6 +49,7 @@ class Header:
     n_shape: int = 0
     n_offsets: int = 0
     has_motion: bool = False
+    needs_head: bool = False
 
     @property
     def n_harmonics(self) -> int:
@@ -51,12 +57,21 @@ class Header:
         return (self.sh_degree + 1) ** 2 - 1
 
     @property
-    def n_numbers(self) -> int:
-        """How many numbers decoding must hold: what the size of the file has to answer for."""
+    def n_attributes(self) -> int:
+        """How many numbers the Gaussians have."""
+        return self.n_gaussians * (14 + 3 * self.n_harmonics)
+
+    @property
+    def n_adaptive(self) -> int:
+        """How many adaptive integers there are, which take longer to decode: counts and motion."""
         static = self.n_shape + 3 * self.n_offsets
-        return (self.head.n_faces + self.n_gaussians * (14 + 3 * self.n_harmonics) + static) + self.n_frames * (
-            self.n_expression + 18
-        )
+        return self.head.n_faces + static + self.n_frames * (self.n_expression + 18)
+
+    def missing_bytes(self, file_bytes: int) -> int:
+        """How many bytes a file of this size lacks to answer for what it says; 0 or less where it does."""
+        attributes = self.n_attributes - FREE_ATTRIBUTES - ATTRIBUTES_PER_BYTE * file_bytes
+        adaptive = self.n_adaptive - FREE_ADAPTIVE - ADAPTIVE_PER_BYTE * file_bytes
+        return max(-(-attributes // ATTRIBUTES_PER_BYTE), -(-adaptive // ADAPTIVE_PER_BYTE))
 
     def pack(self) -> bytes:
         """Write the section."""
@@ -65,7 +80,7 @@ class Header:
             PROFILE_LOSSY,
             self.level,
             self.sh_degree,
-            int(self.has_motion),
+            HAS_MOTION * self.has_motion | NEEDS_HEAD * self.needs_head,
             self.n_gaussians,
             self.head.n_vertices,
             self.head.n_faces,
@@ -96,19 +111,15 @@ class Header:
             raise reader.error(f"profile {profile} at level {level}; this decoder knows profile 0, levels 1 to 4")
         if sh_degree > 3:
             raise reader.error(f"spherical harmonics of degree {sh_degree}, at most 3")
-        if flags > 1 or (not flags and any(counts[3:])):
+        if flags > (HAS_MOTION | NEEDS_HEAD) or (not flags & HAS_MOTION and any(counts[3:])):
             raise reader.error(f"flags {flags} with {n_frames} frames, {n_shape} shape and {n_offsets} offset rows")
         if n_offsets not in (0, n_vertices):
             raise reader.error(f"{n_offsets} vertex offsets for a head of {n_vertices} vertices")
         head = HeadReference(name, digest, n_vertices, n_faces)
-        motion = (n_frames, n_expression, n_shape, n_offsets, bool(flags))
-        header = cls(level, n_gaussians, sh_degree, head, scheme, *motion)
-        if header.n_numbers > number_budget(file_bytes):
-            limit = number_budget(file_bytes)
-            raise reader.error(f"{header.n_numbers} numbers claimed, {file_bytes} bytes may hold {limit}")
+        motion = (n_frames, n_expression, n_shape, n_offsets, bool(flags & HAS_MOTION))
+        header = cls(level, n_gaussians, sh_degree, head, scheme, *motion, bool(flags & NEEDS_HEAD))
+        if header.missing_bytes(file_bytes) > 0:
+            raise reader.error(
+                f"{n_gaussians} Gaussians, {n_faces} triangles and {n_frames} frames claimed, more than {file_bytes} bytes may hold"
+            )
         return header
-
-
-def number_budget(file_bytes: int) -> int:
-    """How many numbers a file of this size may decode to: an encoder pads a file that would say more with less."""
-    return (1 << 16) + 64 * file_bytes

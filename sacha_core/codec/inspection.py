@@ -41,6 +41,7 @@ class Inspection:
         level: 1 (smallest) to 4 (best).
         profile: name of the coding profile.
         head: the head model that the avatar is bound to.
+        needs_head: whether decoding needs that head model.
         scheme: name of the region scheme.
         n_gaussians: Gaussians in the file.
         sh_degree: of their colours.
@@ -58,6 +59,7 @@ class Inspection:
     level: int
     profile: str
     head: HeadReference
+    needs_head: bool
     scheme: str
     n_gaussians: int
     sh_degree: int
@@ -101,6 +103,7 @@ def inspect(source: Source) -> Inspection:
         level=header.level,
         profile="lossy",
         head=header.head,
+        needs_head=header.needs_head,
         scheme=header.scheme,
         n_gaussians=header.n_gaussians,
         sh_degree=header.sh_degree,

@@ -51,16 +51,16 @@ LEVELS = {
 
 # Rules at exponent 0, one a component. Fields: weights of transparency, size, elongation (quarters); reference; low, high; base exponent.
 SCALE_RULES = (
-    StepRule(4, 0, 0, 0, 0, 8, 16),
-    StepRule(4, 0, 0, 0, 0, 8, 16),
-    StepRule(4, 0, 0, 0, 0, 8, 18),
+    StepRule(2, 0, 0, 0, 0, 8, 18),
+    StepRule(3, 0, 0, 0, 0, 11, 17),
+    StepRule(3, 0, 0, 0, 0, 12, 18),
 )
-ROTATION_RULE = StepRule(4, 4, 4, 0, -6, 12, 18)
-POSITION_RULE = StepRule(4, 0, 0, 0, 0, 8, 22)
+ROTATION_RULE = StepRule(5, 6, 3, 0, -3, 12, 19)
+POSITION_RULE = StepRule(4, 1, 1, 0, -2, 17, 23)
 COLOUR_RULES = (
-    StepRule(4, 4, 0, 0, -6, 8, 19),
-    StepRule(4, 4, 0, 0, -6, 8, 21),
-    StepRule(4, 4, 0, 0, -6, 8, 21),
+    StepRule(4, 2, 0, 0, -6, 11, 20),
+    StepRule(4, 3, 1, 0, -6, 9, 20),
+    StepRule(5, 3, 0, 0, -6, 10, 21),
 )
 HARMONIC_RULES = (  # Y of degree 1, 2, 3, then U and V
     StepRule(4, 4, 0, 0, -6, 8, 21),

@@ -17,6 +17,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Int
 
+from sacha_core.codec.template import Template
+
 __all__ = ["KINDS", "MATES", "Layout", "Pass", "mean_of_mates"]
 
 COARSE, FINE, FINEST, MATES = 0, 1, 2, 3
@@ -46,18 +48,25 @@ class Pass:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the n Gaussians lie, sorted by triangle.
+    """Where the n Gaussians lie, sorted by triangle in coding order.
 
     Args:
-        counts: (f,) Gaussians on each triangle.
+        counts: (f,) Gaussians on each triangle, in coding order.
+        template: coding order and sizes of the triangles.
     """
 
     counts: Int[np.ndarray, " f"]
+    template: Template
 
     @cached_property
     def binding(self) -> Int[np.ndarray, " n"]:
         """Triangle of each Gaussian."""
-        return np.repeat(np.arange(len(self.counts), dtype=np.int32), self.counts)
+        return np.repeat(self.template.order.astype(np.int32), self.counts)
+
+    @cached_property
+    def triangle_size(self) -> Int[np.ndarray, " n"]:
+        """Size class of each Gaussian's triangle, half octaves."""
+        return np.repeat(self.template.size, self.counts)
 
     @cached_property
     def occupied_counts(self) -> Int[np.ndarray, " m"]:

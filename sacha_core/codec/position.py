@@ -12,7 +12,7 @@ from sacha_core.codec.order import Layout
 from sacha_core.codec.predicted import decode_predicted, encode_predicted
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.scale import plan_of
-from sacha_core.codec.steps import Classes, StepRule, dequantise
+from sacha_core.codec.steps import MAX_EXPONENT, STEPS, Classes, StepRule, dequantise
 
 __all__ = ["decode_position", "encode_position"]
 
@@ -20,12 +20,18 @@ UNIT = 2.0**-16  # of a triangle's scale
 DOMAIN_TRIANGLE = 0  # the only domain of version 1; others are to come
 
 
+def position_steps(layout: Layout, classes: Classes, rule: StepRule) -> Int[np.ndarray, "n 1"]:
+    """Steps in triangle units that are alike in metres."""
+    exponent = rule.base + rule.shift(classes) - layout.triangle_size
+    return np.asarray(STEPS[np.clip(exponent, 0, MAX_EXPONENT)])[:, None]
+
+
 def encode_position(
     layout: Layout, position: Float[np.ndarray, "n 3"], classes: Classes, rule: StepRule
 ) -> tuple[bytes, Int[np.ndarray, "n 3"]]:
     """Code positions; give the section and the decoder's integers."""
     values = np.rint(position.astype(np.float64) / UNIT).astype(np.int64)
-    coded, decoded = encode_predicted(layout, values, rule.steps(classes)[:, None], plan_of(rule, classes, 3))
+    coded, decoded = encode_predicted(layout, values, position_steps(layout, classes, rule), plan_of(rule, classes, 3))
     return bytes([DOMAIN_TRIANGLE]) + rule.pack() + coded, decoded
 
 
@@ -39,4 +45,6 @@ def decode_position(reader: ByteReader, layout: Layout, classes: Classes) -> Flo
     if domain != DOMAIN_TRIANGLE:
         raise reader.error(f"positions in domain {domain}; this decoder knows 0, the triangle's frame")
     rule = StepRule.unpack(reader)
-    return dequantise(decode_predicted(reader, layout, rule.steps(classes)[:, None], plan_of(rule, classes, 3)), UNIT)
+    return dequantise(
+        decode_predicted(reader, layout, position_steps(layout, classes, rule), plan_of(rule, classes, 3)), UNIT
+    )

@@ -60,13 +60,16 @@ class ByteReader:
         return struct.unpack("<" + layout, self.take(struct.calcsize("<" + layout)))
 
     def text(self) -> str:
-        """Give a string: a byte for its length in bytes, then UTF-8."""
+        """Give a string: a byte for its length in bytes, then printable UTF-8."""
         (n_bytes,) = self.unpack("B")
         raw = self.take(n_bytes)
         try:
-            return raw.decode("utf-8")
+            text = raw.decode("utf-8")
         except UnicodeDecodeError as fault:
             raise self.error(f"a name is not UTF-8: {fault.reason}") from fault
+        if not text.isprintable():  # it will be shown in a terminal
+            raise self.error(f"a name has unprintable characters: {text!r}")
+        return text
 
     def check_end(self) -> None:
         """Check that nothing is left.

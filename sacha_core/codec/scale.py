@@ -1,6 +1,7 @@
 r"""Section `Scale`: logarithms of the three standard deviations, largest first, the further ones as how far they fall below the one before.
 
-Sorting costs nothing, since the rotation is turned to match (`rotation.sort_axes`).
+Sorting costs nothing, since the rotation is turned to match (`rotation.sort_axes`). Scales are coded as if every triangle had the size of
+the middle one, so that neighbours on triangles of other sizes predict them.
 
 Source: own.
 """
@@ -17,11 +18,12 @@ from sacha_core.codec.predicted import ContextPlan, decode_predicted, encode_pre
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import Classes, StepRule, dequantise
 
-__all__ = ["UNIT", "classes_of", "decode_scale", "encode_scale"]
+__all__ = ["classes_of", "decode_scale", "encode_scale"]
 
 UNIT = 2.0**-12  # of a natural logarithm
 HALF_OCTAVES = 189093  # 2 / ln 2 in 16 fractional bits: half octaves in a natural logarithm
 HALF_OCTAVE_SHIFT = 28
+NATURAL = 363409  # a half octave, ln 2 / 2, in 256ths of `UNIT`
 
 
 def plan_of(rule: StepRule, classes: Classes, n_components: int) -> ContextPlan:
@@ -42,18 +44,23 @@ def classes_of(transparency: Int[np.ndarray, " n"], scale: Int[np.ndarray, "n 3"
     return Classes(transparency, size, elongation)
 
 
+def triangle_log_size(layout: Layout) -> Int[np.ndarray, " n"]:
+    """Logarithm of the size of each Gaussian's triangle over the middle one's, in `UNIT`."""
+    return np.asarray(layout.triangle_size * NATURAL >> 8)
+
+
 def encode_scale(
     layout: Layout,
     log_scale: Float[np.ndarray, "n 3"],
     transparency: Int[np.ndarray, " n"],
     rules: tuple[StepRule, StepRule, StepRule],
 ) -> tuple[bytes, Int[np.ndarray, "n 3"]]:
-    """Code log-scales, sorted largest first.
+    """Code log-scales, sorted largest first, over the size of the middle triangle rather than their own.
 
     Returns:
         The section and the integers that the decoder will have.
     """
-    values = np.rint(log_scale.astype(np.float64) / UNIT).astype(np.int64)
+    values = np.rint(log_scale.astype(np.float64) / UNIT).astype(np.int64) + triangle_log_size(layout)[:, None]
     classes = transparency_only(transparency)
     above = np.zeros(len(values), np.int64)
     parts, columns = [], []
@@ -87,4 +94,4 @@ def decode_scale(
         columns.append(above)
     reader.check_end()
     scale = np.stack(columns, axis=1)
-    return dequantise(scale, UNIT), scale
+    return dequantise(scale - triangle_log_size(layout)[:, None], UNIT), scale

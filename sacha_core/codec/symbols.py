@@ -19,9 +19,8 @@ from sacha_core.codec import tokens as token_split
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.tables import MAX_TABLES, count_bits, grades_of, read_tables, table_weights, write_tables
 
-__all__ = ["MAX_CONTEXTS", "SymbolReader", "SymbolWriter"]
+__all__ = ["SymbolReader", "SymbolWriter"]
 
-MAX_CONTEXTS = 1024
 HEAD = "BII"  # number of tables, bytes of the tables, bytes of the raw bits
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
-from sacha_core.flame.model import HeadReference
+from sacha_core.flame.model import HeadModel, HeadReference
 
 HEAD = HeadReference("random", "0123456789abcdef" * 4, 120, 200)
 
@@ -49,6 +49,37 @@ def random_motion(n_frames: int, n_offsets: int = HEAD.n_vertices, n_expression:
     )
 
 
-def random_avatar(n: int, n_frames: int = 30, n_harmonics: int = 15, seed: int = 0) -> Avatar:
-    """Give an avatar with a motion."""
-    return Avatar(random_gaussians(n, n_harmonics=n_harmonics, seed=seed), HEAD, random_motion(n_frames, seed=seed))
+def random_avatar(
+    n: int, n_frames: int = 30, n_harmonics: int = 15, seed: int = 0, head: HeadModel | None = None
+) -> Avatar:
+    """Give an avatar with a motion, bound to `head` or to one that exists by name only."""
+    reference = HEAD if head is None else head.reference
+    gaussians = random_gaussians(n, reference.n_faces, n_harmonics, seed)
+    return Avatar(gaussians, reference, random_motion(n_frames, reference.n_vertices, seed=seed))
+
+
+def small_head(seed: int = 0) -> HeadModel:
+    """Give a bumpy sphere of a few hundred triangles with one joint."""
+    rng = np.random.default_rng(seed)
+    rings, segments = 9, 14
+    polar, around = np.meshgrid(
+        np.linspace(0.1, 3.0, rings), np.arange(segments) * (2 * np.pi / segments), indexing="ij"
+    )
+    radius = 0.1 * (1 + 0.05 * rng.normal(size=polar.shape))
+    across, along = np.sin(polar), np.cos(polar)
+    v_template = np.stack([radius * across * np.sin(around), radius * along, radius * across * np.cos(around)], axis=-1)
+    row, column = np.meshgrid(np.arange(rings - 1), np.arange(segments), indexing="ij")
+    a, b = row * segments + column, row * segments + (column + 1) % segments
+    faces = np.concatenate([np.stack([a, a + segments, b], -1), np.stack([b, a + segments, b + segments], -1)])
+    v = rings * segments
+    return HeadModel(
+        name="bumpy",
+        v_template=v_template.reshape(-1, 3).astype(np.float32),
+        faces=faces.reshape(-1, 3).astype(np.int32),
+        shapedirs=rng.normal(0, 1e-3, (v, 3, 2)).astype(np.float32),
+        exprdirs=rng.normal(0, 1e-3, (v, 3, 3)).astype(np.float32),
+        J_regressor=np.full((1, v), 1 / v, np.float32),
+        weights=np.ones((v, 1), np.float32),
+        parents=np.array([-1], np.int32),
+        masks={"face": np.arange(20, dtype=np.int32)},
+    )

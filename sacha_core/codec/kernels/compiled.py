@@ -19,7 +19,7 @@ def compile_all():
     names = dict(vars(arithmetic))
     for name in ORDER:
         plain = getattr(arithmetic, name)
-        names[name] = numba.njit(types.FunctionType(plain.__code__, names, name), nogil=True)
+        names[name] = numba.njit(types.FunctionType(plain.__code__, names, name), nogil=True, cache=True)
     return names
 
 

@@ -1,0 +1,65 @@
+"""The order of coding: every Gaussian once, and nothing predicted from what is not yet known."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sacha_core.codec.order import MATES, Layout, mean_of_mates
+from sacha_core.codec.template import CURVE_BITS, curve_index, template_of, unknown_template
+
+counts_lists = st.lists(st.integers(0, 5) | st.sampled_from([0, 0, 17, 40]), max_size=40)
+
+
+@given(counts_lists)
+def test_every_gaussian_is_coded_once_after_what_predicts_it(counts):
+    layout = Layout(np.array(counts, np.int64), unknown_template(len(counts)))
+    known = np.zeros(len(layout.slots), bool)
+    for number, step in enumerate(layout.passes):
+        assert not known[step.rows].any()
+        assert (np.diff(step.rows) > 0).all()
+        if step.kind == MATES:
+            low = step.rank.min()
+            assert all(known[layout.firsts[slot] : layout.firsts[slot] + low].all() for slot in step.slot)
+        elif number > 0:
+            assert known[step.left].all()
+            assert known[step.right].all()
+        known[step.rows] = True
+    assert known.all()
+
+
+def test_passes_grow_with_the_logarithm_of_the_counts():
+    layout = Layout(np.array([100_000]), unknown_template(1))
+    assert len(layout.passes) < 40
+
+
+@given(st.lists(st.integers(-1000, 1000), min_size=1, max_size=9))
+def test_mean_of_mates_rounds_halves_up(values):
+    expected = int(np.floor(np.mean(values) + 0.5))
+    assert mean_of_mates(np.array([[sum(values)]]), np.array([len(values)]))[0, 0] == expected
+
+
+def test_consecutive_cells_of_the_curve_touch():
+    """Oracle: what makes a Hilbert curve one; the finest bits alone suffice to reach 8 x 8 x 8 cells."""
+    cells = np.stack(np.meshgrid(*[np.arange(8)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    place = curve_index(cells << (CURVE_BITS - 3))
+    assert len(np.unique(place)) == 512
+    steps = np.abs(np.diff(cells[np.argsort(place)], axis=0)).sum(axis=1)
+    assert (steps == 1).all()
+
+
+def test_triangle_sizes_are_half_octaves():
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 2, 0], [2, 0, 0], [4, 0, 0], [0, 4, 0]], np.float32)
+    faces = np.array([[0, 1, 2], [0, 4, 3], [0, 5, 6]])
+    template = template_of(vertices, faces)
+    assert template.size[np.argsort(template.order)].tolist() == [-2, 0, 2]
+
+
+def test_template_does_not_depend_on_units_that_are_powers_of_two():
+    rng = np.random.default_rng(4)
+    vertices = rng.normal(0, 0.1, (60, 3)).astype(np.float32)
+    faces = rng.integers(0, 60, (90, 3))
+    metres, sixtyfourths = template_of(vertices, faces), template_of(vertices * 64, faces)
+    assert np.array_equal(metres.order, sixtyfourths.order)
+    assert np.array_equal(metres.size, sixtyfourths.size)
