@@ -28,6 +28,8 @@ class SachaOpen(bpy.types.Operator, ImportHelper):
     )
     bl_options = {"UNDO"}  # noqa: RUF012  (Blender reads it as it is)
 
+    # A file dropped on the window comes as `filepath`; what was opened last must not be taken for one.
+    filepath: StringProperty(name="File", subtype="FILE_PATH", options={"SKIP_SAVE"})
     filter_glob: StringProperty(default=";".join(f"*{suffix}" for suffix in SUFFIXES), options={"HIDDEN"})
     head: StringProperty(
         name="Head",

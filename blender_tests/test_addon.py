@@ -33,6 +33,11 @@ def test_every_operator_and_setting_is_there(addon: ModuleType) -> None:
     assert bpy.data.meshes.new("empty").sacha.kind == ""
 
 
+def test_the_file_opened_last_is_not_opened_again_unasked(addon: ModuleType) -> None:
+    properties = bpy.ops.sacha.open.get_rna_type().properties
+    assert all(properties[name].is_skip_save for name in ("filepath", "head", "wait"))
+
+
 def test_unregister_takes_everything_away_and_register_brings_it_back(addon: ModuleType) -> None:
     before = our_types()
     addon.unregister()

@@ -81,9 +81,10 @@ def finish(run: Run, time_limit_s: float) -> str | None:
 
 def judge(junit: Path) -> str | None:
     """Say what a JUnit file holds against a run; None where it holds nothing."""
-    if not junit.exists():
+    try:
+        suite = ET.parse(junit).getroot().find("testsuite")
+    except (FileNotFoundError, ET.ParseError):
         return f"no result was written: it crashed, or took longer than {TIME_LIMIT_S} s"
-    suite = ET.parse(junit).getroot().find("testsuite")
     counts = {name: int(suite.get(name)) for name in ("tests", "failures", "errors", "skipped")}
     if counts["tests"] - counts["skipped"] <= 0:
         return "no test ran"
