@@ -14,6 +14,7 @@ from sacha_core.geometry.triangle import TriangleFrames
 
 __all__ = ["WorldGaussians", "initial_gaussians", "to_world"]
 
+BLOCK = 2048  # Gaussians at a time, so that intermediate results stay in the cache and in memory already at hand
 INITIAL_OPACITY = 0.1
 LARGEST_INITIAL_DC = (
     1 / 255
@@ -88,17 +89,20 @@ def to_world(gaussians: Gaussians, frames: TriangleFrames) -> WorldGaussians:
         raise GeometryError(
             f"Gaussian {row} is bound to triangle {binding[row]}; the mesh has triangles 0 to {len(frames.scale) - 1}"
         )
-    scale = frames.scale[binding, None]
-    means = np.einsum("nij,nj->ni", frames.rotation[binding], gaussians.position) * scale + frames.origin[binding]
-    quaternions = quaternion.multiply(
-        quaternion.from_matrix(frames.rotation)[binding], quaternion.normalise(gaussians.quaternion)
-    )
-    return WorldGaussians(
-        means=means.astype(np.float32, copy=False),
-        scales=(np.exp(gaussians.log_scale) * scale).astype(np.float32, copy=False),
-        quaternions=quaternions.astype(np.float32, copy=False),
-        opacities=_sigmoid(gaussians.opacity_logit).astype(np.float32, copy=False),
-    )
+    n = len(binding)
+    means, scales = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
+    quaternions = np.empty((n, 4), np.float32)
+    turns = quaternion.from_matrix(frames.rotation)
+    for start in range(0, n, BLOCK):
+        rows = slice(start, start + BLOCK)
+        face = binding[rows]
+        scale = frames.scale[face, None]
+        turned = np.einsum("nij,nj->ni", frames.rotation[face], gaussians.position[rows])
+        means[rows] = turned * scale + frames.origin[face]
+        scales[rows] = np.exp(gaussians.log_scale[rows]) * scale
+        quaternions[rows] = quaternion.multiply(turns[face], quaternion.normalise(gaussians.quaternion[rows]))
+    opacities = _sigmoid(gaussians.opacity_logit).astype(np.float32, copy=False)
+    return WorldGaussians(means, scales, quaternions, opacities)
 
 
 def _sigmoid(logit: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
