@@ -94,16 +94,16 @@ class Rasteriser:
         image = self._buffers.space("image", int(np.prod(shape)), np.float32).reshape(shape)
         transmittance = self._buffers.space("transmittance", shape[1] * shape[2], np.float32).reshape(shape[1:])
         constants = tuple(behind)
-        scratch, ranges = self._scratch(), bins.ranges
+        scratch, ranges, records = self._scratch(), bins.ranges, bins.projection.records
 
         def job(worker: int, k: int) -> None:
             blend(
-                ranges[k], ranges[k + 1], bins.start, bins.owner, bins.records, bins.x_lanes, bins.y_lanes,
-                constants, image, transmittance, bins.done, scratch[worker],
+                ranges[k], ranges[k + 1], bins.start, bins.entries, records, bins.x_lanes, bins.y_lanes, constants,
+                image.ravel(), transmittance.ravel(), camera.width, camera.height, bins.done, scratch[worker],
             )  # fmt: skip
 
         self._pool.run(job, len(ranges) - 1)
-        return Frame(image, transmittance, bins.count > 0, splats, camera, constants, bins)
+        return Frame(image, transmittance, bins.span[:, 1] > 0, splats, camera, constants, bins)
 
     def backward(
         self,
@@ -124,17 +124,18 @@ class Rasteriser:
         Raises:
             OptionError: the frame is not of the last `forward`, or a shape is wrong.
         """
-        upstream = self._checked(frame, image_gradient, frame.image.shape)
-        upstream_t = np.zeros((0, 0), np.float32)
+        upstream = self._checked(frame, image_gradient, frame.image.shape).ravel()
+        upstream_t = np.zeros(0, np.float32)
         if transmittance_gradient is not None:
-            upstream_t = self._checked(frame, transmittance_gradient, frame.transmittance.shape)
+            upstream_t = self._checked(frame, transmittance_gradient, frame.transmittance.shape).ravel()
         bins, ranges, scratch = frame.bins, frame.bins.ranges, self._scratch()
         sums = self._entry_sums(bins)
 
         def job(worker: int, k: int) -> None:
             blend_backward(
-                ranges[k], ranges[k + 1], bins.start, bins.done, bins.owner, bins.origin, bins.records, bins.x_lanes, bins.y_lanes,
-                frame.background, frame.image, frame.transmittance, upstream, upstream_t, sums, scratch[worker],
+                ranges[k], ranges[k + 1], bins.start, bins.done, bins.entries, bins.projection.records, bins.x_lanes, bins.y_lanes,
+                frame.background, frame.image.ravel(), frame.transmittance.ravel(), frame.camera.width, frame.camera.height,
+                upstream, upstream_t, sums, scratch[worker],
             )  # fmt: skip
 
         self._pool.run(job, len(ranges) - 1)
@@ -165,13 +166,13 @@ class Rasteriser:
 
             def job(worker: int, k: int, group: np.ndarray = group) -> None:
                 blend_weights(
-                    ranges[k], ranges[k + 1], bins.start, bins.done, bins.owner, bins.origin, bins.records, bins.x_lanes, bins.y_lanes,
-                    group, sums, scratch[worker],
+                    ranges[k], ranges[k + 1], bins.start, bins.done, bins.entries, bins.projection.records, bins.x_lanes,
+                    bins.y_lanes, group.ravel(), frame.camera.width, frame.camera.height, sums, scratch[worker],
                 )  # fmt: skip
 
             self._pool.run(job, len(ranges) - 1)
             gathered = np.zeros((len(result), MAX_CHANNELS))
-            gather_weights(0, len(result), bins.first, bins.count, sums, gathered)
+            gather_weights(0, len(result), bins.span.ravel(), sums, gathered)
             result[:, first : first + MAX_CHANNELS] = gathered[:, : len(part)]
         return result
 
@@ -192,19 +193,20 @@ class Rasteriser:
         return left, top, right - left, bottom - top
 
     def _project_backward(self, frame: Frame, sums: np.ndarray) -> SplatGradients:
-        splats, bins, scratch = frame.splats, frame.bins, self._scratch()
+        splats, bins, projection, scratch = frame.splats, frame.bins, frame.bins.projection, self._scratch()
+        chunks, inputs, tails = projection.chunks, projection.inputs[:4], projection.inputs[5:9]
         n, channels = len(splats), splats.channels
         widths = {"means": 3, "scales": 3, "quaternions": 4, "opacities": 1, "means_2d": 2, "colours": channels}
-        rows = len(bins.depth)  # whole blocks of lanes
+        rows = len(projection.depths)  # whole blocks of lanes
         out = {name: self._buffers.space("g_" + name, rows * width, np.float32) for name, width in widths.items()}
 
         def job(worker: int, k: int) -> None:
             project_backward(
-                *bins.inputs, n, channels, bins.view, bins.chunks[k], bins.chunks[k + 1], bins.first, bins.count, sums,
+                *inputs, *tails, n, channels, projection.view, chunks[k], chunks[k + 1], bins.span.ravel(), sums,
                 out["means"], out["scales"], out["quaternions"], out["opacities"], out["means_2d"], out["colours"], scratch[worker],
             )  # fmt: skip
 
-        self._pool.run(job, len(bins.chunks) - 1)
+        self._pool.run(job, len(chunks) - 1)
         shapes = {name: (n, width) if name != "opacities" else (n,) for name, width in widths.items()}
         return SplatGradients(**{name: out[name][: n * widths[name]].reshape(shapes[name]) for name in out})
 

@@ -25,7 +25,7 @@ def rasteriser() -> Rasteriser:
 
 def close_outside_band(frame: Frame, splats: Splats, background: np.ndarray) -> float:
     """Compare with the oracle; give the part of the pixels that lie in the band."""
-    oracle = draw(parameters(splats), frame.camera, background, frame.bins.depth[: len(splats)])
+    oracle = draw(parameters(splats), frame.camera, background, frame.bins.projection.depths[: len(splats)])
     error = np.abs(frame.image - oracle.image.numpy()).max(axis=0)
     error = np.maximum(error, np.abs(frame.transmittance - oracle.transmittance.numpy()))
     inside = oracle.band < BAND
@@ -55,7 +55,7 @@ def test_small_and_large_splats(rasteriser: Rasteriser, size: float) -> None:
 def compared_gradients(rasteriser: Rasteriser, splats: Splats, view, background: np.ndarray, with_transmittance: bool):
     frame = rasteriser.forward(splats, view, background)
     leaves = parameters(splats, gradients=True)
-    oracle = draw(leaves, view, background, frame.bins.depth[: len(splats)])
+    oracle = draw(leaves, view, background, frame.bins.projection.depths[: len(splats)])
     rng = np.random.default_rng(5)
     calm = oracle.band > BAND  # a pixel that may flip has no gradient worth comparing
     upstream = rng.normal(size=frame.image.shape).astype(np.float32) * calm

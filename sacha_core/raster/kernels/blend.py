@@ -18,11 +18,13 @@ from sacha_core.raster.kernels.lanes import (
     some,
     splat,
     store,
+    store_halves,
     zeros,
 )
 from sacha_core.raster.kernels.layout import (
     ALPHA_MAX,
-    KEY_TILE,
+    GAUSSIAN_MASK,
+    GAUSSIAN_SHIFT,
     POWER_MIN,
     R_A,
     R_B,
@@ -32,6 +34,8 @@ from sacha_core.raster.kernels.layout import (
     R_X,
     R_Y,
     RECORD,
+    ROW_BITS,
+    ROW_MASK,
     TILE_HEIGHT,
     TILE_PIXELS,
     TILE_VECTORS,
@@ -81,15 +85,17 @@ def any_open(scratch):
 
 
 @njit
-def blend_entry(key, records, x_tile, y_lanes, y_tile, channels, scratch):
-    """Blend one Gaussian into the rows of a tile that its key names."""
-    at = (key >> KEY_TILE) * RECORD
+def blend_entry(entry, records, x_tile, y_lanes, y_tile, channels, scratch):
+    """Blend one Gaussian into the rows of a tile that its entry names."""
+    at = ((entry >> GAUSSIAN_SHIFT) & GAUSSIAN_MASK) * RECORD
     dx = x_tile - load_spread(records, at + R_X)
     mean_y = load_spread(records, at + R_Y)
     across_power = fma(load_spread(records, at + R_A) * dx, dx, load_spread(records, at + R_OPACITY))
     slope = load_spread(records, at + R_B) * dx
     curve = load_spread(records, at + R_C)
-    for vector in range((key & 1023) >> 6, ((key & 31) >> 1) + 1):
+    colour0, colour1 = load_spread(records, at + R_COLOUR), load_spread(records, at + R_COLOUR + 1)
+    colour2, colour3 = load_spread(records, at + R_COLOUR + 2), load_spread(records, at + R_COLOUR + 3)
+    for vector in range((entry >> ROW_BITS & ROW_MASK) >> 1, ((entry & ROW_MASK) >> 1) + 1):
         dy = load(y_lanes, (y_tile + vector) * LANES) - mean_y
         power = fma(fma(curve, dy, slope), dy, across_power)
         alpha = minimum(alpha_power(power), splat(ALPHA_MAX))
@@ -101,41 +107,61 @@ def blend_entry(key, records, x_tile, y_lanes, y_tile, channels, scratch):
         open_ = after > splat(TRANSMITTANCE_MIN)
         store(scratch, pixel, select(open_, after, -absolute(t)))
         weight = select(open_, weight, zeros())
-        for k in range(channels):
-            plane = (k + 1) * TILE_PIXELS + pixel
-            store(scratch, plane, fma(weight, load_spread(records, at + R_COLOUR + k), load(scratch, plane)))
+        accumulate(scratch, TILE_PIXELS + pixel, weight, colour0)
+        if channels > 1:
+            accumulate(scratch, 2 * TILE_PIXELS + pixel, weight, colour1)
+        if channels > 2:
+            accumulate(scratch, 3 * TILE_PIXELS + pixel, weight, colour2)
+        if channels > 3:
+            accumulate(scratch, 4 * TILE_PIXELS + pixel, weight, colour3)
 
 
 @njit
-def write_tile(scratch, background, image, transmittance, left, top, across, rows):
+def accumulate(scratch, at, weight, colour):
+    """Add weight times colour to sixteen pixels of a plane."""
+    store(scratch, at, fma(weight, colour, load(scratch, at)))
+
+
+@njit
+def write_tile(scratch, background, image, transmittance, left, top, across, rows, width, height):
     """Copy a blended tile to the images, with the background behind it."""
     for vector in range(TILE_VECTORS):
         store(scratch, vector * LANES, absolute(load(scratch, vector * LANES)))
-    for y in range(rows):
-        for x in range(across):
-            transmittance[top + y, left + x] = scratch[y * TILE_WIDTH + x]
     for k in range(len(background)):
-        for y in range(rows):
-            for x in range(across):
-                pixel = y * TILE_WIDTH + x
-                image[k, top + y, left + x] = scratch[(k + 1) * TILE_PIXELS + pixel] + scratch[pixel] * background[k]
-
-
-@njit
-def write_empty(background, image, transmittance, left, top, across, rows):
-    """Fill a tile that nothing touches."""
-    for y in range(top, top + rows):
-        for x in range(left, left + across):
-            transmittance[y, x] = F(1)
-    for k in range(len(background)):
-        for y in range(top, top + rows):
-            for x in range(left, left + across):
-                image[k, y, x] = background[k]
+        behind = splat(background[k])
+        for vector in range(TILE_VECTORS):
+            at = (k + 1) * TILE_PIXELS + vector * LANES
+            store(scratch, at, fma(behind, load(scratch, vector * LANES), load(scratch, at)))
+    for k in range(-1, len(background)):
+        plane = (k + 1) * TILE_PIXELS
+        target = transmittance if k < 0 else image
+        corner = max(k, 0) * height * width + top * width + left
+        if across == TILE_WIDTH and rows == TILE_HEIGHT:
+            for vector in range(TILE_VECTORS):
+                at = corner + 2 * vector * width
+                store_halves(target, at, at + width, load(scratch, plane + vector * LANES))
+        else:
+            for y in range(rows):
+                for x in range(across):
+                    target[corner + y * width + x] = scratch[plane + y * TILE_WIDTH + x]
 
 
 @njit(cache=True, nogil=True)
 def blend(
-    first_tile, last_tile, start, owner, records, x_lanes, y_lanes, background, image, transmittance, done, scratch
+    first_tile,
+    last_tile,
+    start,
+    entries,
+    records,
+    x_lanes,
+    y_lanes,
+    background,
+    image,
+    transmittance,
+    width,
+    height,
+    done,
+    scratch,
 ):
     """Blend the tiles `first_tile` up to `last_tile`.
 
@@ -143,27 +169,24 @@ def blend(
         first_tile: first of a range of tiles, row by row.
         last_tile: end of the range.
         start: (tiles + 1,) first entry of each tile.
-        owner: of each entry: Gaussian << 10 | first row << 5 | last row.
+        entries: of all tiles, see `layout`.
         records: (n, 16), flat.
         x_lanes: (tile columns, 16), flat: x of each lane relative to the principal point, pixels.
         y_lanes: (tile rows x 16, 16), flat: y of each lane.
         background: tuple of c float32; its length is the number of channels.
-        image: (c, h, w) result.
-        transmittance: (h, w) result.
+        image: (c, h, w) result, flat.
+        transmittance: (h, w) result, flat.
+        width: of the image, pixels.
+        height: likewise.
         done: (tiles,) result: first entry of each tile that was not blended.
         scratch: (BLEND_SCRATCH,) aligned space.
     """
     channels = len(background)
-    height, width = transmittance.shape
     columns = len(x_lanes) // LANES
     for tile in range(first_tile, last_tile):
         top, left = tile // columns * TILE_HEIGHT, tile % columns * TILE_WIDTH
         rows, across = min(TILE_HEIGHT, height - top), min(TILE_WIDTH, width - left)
         entry, end = start[tile], start[tile + 1]
-        if entry == end:
-            done[tile] = entry
-            write_empty(background, image, transmittance, left, top, across, rows)
-            continue
         open_tile(scratch, across, rows)
         for plane in range(TILE_VECTORS, (channels + 1) * TILE_VECTORS):
             store(scratch, plane * LANES, zeros())
@@ -172,11 +195,10 @@ def blend(
         while entry < end:
             pause = min(entry + LIVE_CHECK, end)
             for e in range(entry, pause):
-                if e + AHEAD < end:
-                    prefetch(records, (owner[e + AHEAD] >> KEY_TILE) * RECORD)
-                blend_entry(owner[e], records, x_tile, y_lanes, y_tile, channels, scratch)
+                prefetch(records, ((entries[e + AHEAD] >> GAUSSIAN_SHIFT) & GAUSSIAN_MASK) * RECORD)
+                blend_entry(entries[e], records, x_tile, y_lanes, y_tile, channels, scratch)
             entry = pause
             if not any_open(scratch):
                 break
         done[tile] = entry
-        write_tile(scratch, background, image, transmittance, left, top, across, rows)
+        write_tile(scratch, background, image, transmittance, left, top, across, rows, width, height)

@@ -18,6 +18,7 @@ from sacha_core.raster.kernels.lanes import (
     absolute,
     fma,
     load,
+    load_halves,
     load_spread,
     minimum,
     prefetch,
@@ -29,7 +30,8 @@ from sacha_core.raster.kernels.lanes import (
 )
 from sacha_core.raster.kernels.layout import (
     ALPHA_MAX,
-    KEY_TILE,
+    GAUSSIAN_MASK,
+    GAUSSIAN_SHIFT,
     POWER_MIN,
     R_A,
     R_B,
@@ -39,87 +41,103 @@ from sacha_core.raster.kernels.layout import (
     R_X,
     R_Y,
     RECORD,
+    ROW_BITS,
+    ROW_MASK,
     TILE_HEIGHT,
     TILE_PIXELS,
     TILE_VECTORS,
     TILE_WIDTH,
+    TOP_SHIFT,
     TRANSMITTANCE_MIN,
 )
 
 F = np.float32
 REST = TILE_PIXELS  # plane of the scratch; the gradients of up to four channels follow
 UPSTREAM = 2 * TILE_PIXELS
-BACKWARD_SCRATCH = 6 * TILE_PIXELS
+SPARE = 6 * TILE_PIXELS
+BACKWARD_SCRATCH = 7 * TILE_PIXELS
 
 
 @njit
-def load_upstream(channels, gradient, top, left, rows, across, scratch):
-    """Copy the tile's part of an image (c, h, w) into the scratch, zero outside."""
-    for k in range(channels):
-        plane = UPSTREAM + k * TILE_PIXELS
+def load_tile(image, corner, width, across, rows, scratch, plane):
+    """Copy a tile's part of a flat image, whose first pixel is at `corner`, into a plane of the scratch; zero outside."""
+    if across == TILE_WIDTH and rows == TILE_HEIGHT:
+        for vector in range(TILE_VECTORS):
+            at = corner + 2 * vector * width
+            store(scratch, plane + vector * LANES, load_halves(image, at, at + width))
+    else:
         for y in range(TILE_HEIGHT):
             for x in range(TILE_WIDTH):
-                inside = y < rows and x < across
-                scratch[plane + y * TILE_WIDTH + x] = gradient[k, top + y, left + x] if inside else F(0)
+                scratch[plane + y * TILE_WIDTH + x] = image[corner + y * width + x] if y < rows and x < across else F(0)
 
 
 @njit
-def load_rest(channels, image, transmittance, transmittance_gradient, top, left, rows, across, scratch):
-    """Start the rest: gradient times image, plus the transmittance's share where it has a gradient."""
-    with_transmittance = len(transmittance_gradient) > 0
-    for y in range(rows):
-        for x in range(across):
-            pixel = y * TILE_WIDTH + x
-            rest = F(0)
-            for k in range(channels):
-                rest += scratch[UPSTREAM + k * TILE_PIXELS + pixel] * image[k, top + y, left + x]
-            if with_transmittance:
-                rest += transmittance[top + y, left + x] * transmittance_gradient[top + y, left + x]
-            scratch[REST + pixel] = rest
+def add_product(scratch, a, b):
+    """Add the product of two planes of the scratch to the rest."""
+    for at in range(0, TILE_PIXELS, LANES):
+        store(scratch, REST + at, fma(load(scratch, a + at), load(scratch, b + at), load(scratch, REST + at)))
+
+
+@njit
+def load_gradients(
+    channels, image, transmittance, image_gradient, transmittance_gradient, corner, width, height, across, rows, scratch
+):
+    """Copy the tile's gradients, and start the rest: gradient times image, and the transmittance's share where it has a gradient."""
+    for at in range(0, TILE_PIXELS, LANES):
+        store(scratch, REST + at, zeros())
+    for k in range(channels):
+        plane = UPSTREAM + k * TILE_PIXELS
+        load_tile(image_gradient, corner + k * width * height, width, across, rows, scratch, plane)
+        load_tile(image, corner + k * width * height, width, across, rows, scratch, SPARE)
+        add_product(scratch, plane, SPARE)
+    if len(transmittance_gradient) > 0:
+        load_tile(transmittance, corner, width, across, rows, scratch, 0)
+        load_tile(transmittance_gradient, corner, width, across, rows, scratch, SPARE)
+        add_product(scratch, 0, SPARE)
 
 
 @njit(cache=True, nogil=True)
 def blend_backward(  # noqa: PLR0915 - one loop, whose sums live in registers
-    first_tile, last_tile, start, done, owner, origin, records, x_lanes, y_lanes, background, image, transmittance,
+    first_tile, last_tile, start, done, entries, records, x_lanes, y_lanes, background, image, transmittance, width, height,
     image_gradient, transmittance_gradient, entry_gradients, scratch,
 ):  # fmt: skip
     """Sum the gradients of every entry of the tiles `first_tile` up to `last_tile`.
 
     Arguments as of `blend`; further
-        origin: of each entry: its row in `entry_gradients`.
-        image_gradient: (c, h, w) gradient of the loss by the image.
-        transmittance_gradient: (h, w), or (0, 0) for none.
-        entry_gradients: (entries, 16) result, flat.
+        image_gradient: (c, h, w) gradient of the loss by the image, flat.
+        transmittance_gradient: (h, w), flat; empty for none.
+        entry_gradients: (keys, 16) result, flat: the row of an entry is the position of its key.
     """
     channels = len(background)
-    height, width = transmittance.shape
     columns = len(x_lanes) // LANES
     for tile in range(first_tile, last_tile):
         for e in range(done[tile], start[tile + 1]):
-            store(entry_gradients, origin[e] * RECORD, zeros())
+            store(entry_gradients, (entries[e] >> TOP_SHIFT) * RECORD, zeros())
         end = done[tile]
         if start[tile] == end:
             continue
         top, left = tile // columns * TILE_HEIGHT, tile % columns * TILE_WIDTH
         rows, across = min(TILE_HEIGHT, height - top), min(TILE_WIDTH, width - left)
+        load_gradients(
+            channels, image, transmittance, image_gradient, transmittance_gradient, top * width + left, width, height, across, rows, scratch
+        )  # fmt: skip
         open_tile(scratch, across, rows)
-        load_upstream(channels, image_gradient, top, left, rows, across, scratch)
-        load_rest(channels, image, transmittance, transmittance_gradient, top, left, rows, across, scratch)
         x_tile = load(x_lanes, tile % columns * LANES)
         y_tile = tile // columns * TILE_VECTORS
         for e in range(start[tile], end):
-            if e + AHEAD < end:
-                prefetch(records, (owner[e + AHEAD] >> KEY_TILE) * RECORD)
-            key = owner[e]
-            at = (key >> KEY_TILE) * RECORD
+            prefetch(records, ((entries[e + AHEAD] >> GAUSSIAN_SHIFT) & GAUSSIAN_MASK) * RECORD)
+            entry = entries[e]
+            at = ((entry >> GAUSSIAN_SHIFT) & GAUSSIAN_MASK) * RECORD
             dx = x_tile - load_spread(records, at + R_X)
             mean_y = load_spread(records, at + R_Y)
             across_power = fma(load_spread(records, at + R_A) * dx, dx, load_spread(records, at + R_OPACITY))
             slope = load_spread(records, at + R_B) * dx
             curve = load_spread(records, at + R_C)
+            shade0, shade1 = load_spread(records, at + R_COLOUR), load_spread(records, at + R_COLOUR + 1)
+            shade2, shade3 = load_spread(records, at + R_COLOUR + 2), load_spread(records, at + R_COLOUR + 3)
             sum_s, sum_y, sum_yy = zeros(), zeros(), zeros()
             colour0, colour1, colour2, colour3 = zeros(), zeros(), zeros(), zeros()
-            for vector in range((key & 1023) >> 6, ((key & 31) >> 1) + 1):
+            for vector in range((entry >> ROW_BITS & ROW_MASK) >> 1, ((entry & ROW_MASK) >> 1) + 1):
                 dy = load(y_lanes, (y_tile + vector) * LANES) - mean_y
                 power = fma(fma(curve, dy, slope), dy, across_power)
                 unclamped = alpha_power(power)
@@ -133,19 +151,19 @@ def blend_backward(  # noqa: PLR0915 - one loop, whose sums live in registers
                 store(scratch, pixel, select(open_, after, -absolute(t)))
                 weight = select(open_, weight, zeros())
                 upstream = load(scratch, UPSTREAM + pixel)
-                q = load_spread(records, at + R_COLOUR) * upstream
+                q = shade0 * upstream
                 colour0 = fma(weight, upstream, colour0)
                 if channels > 1:
                     upstream = load(scratch, UPSTREAM + TILE_PIXELS + pixel)
-                    q = fma(load_spread(records, at + R_COLOUR + 1), upstream, q)
+                    q = fma(shade1, upstream, q)
                     colour1 = fma(weight, upstream, colour1)
                 if channels > 2:
                     upstream = load(scratch, UPSTREAM + 2 * TILE_PIXELS + pixel)
-                    q = fma(load_spread(records, at + R_COLOUR + 2), upstream, q)
+                    q = fma(shade2, upstream, q)
                     colour2 = fma(weight, upstream, colour2)
                 if channels > 3:
                     upstream = load(scratch, UPSTREAM + 3 * TILE_PIXELS + pixel)
-                    q = fma(load_spread(records, at + R_COLOUR + 3), upstream, q)
+                    q = fma(shade3, upstream, q)
                     colour3 = fma(weight, upstream, colour3)
                 rest = load(scratch, REST + pixel) - weight * q
                 store(scratch, REST + pixel, rest)
@@ -158,35 +176,36 @@ def blend_backward(  # noqa: PLR0915 - one loop, whose sums live in registers
             gathered = sums((
                 sum_s, sum_x, sum_y, sum_x * dx, sum_y * dx, sum_yy, colour0, colour1, colour2, colour3,
             ))  # fmt: skip
-            store(entry_gradients, origin[e] * RECORD, gathered)
+            store(entry_gradients, (entries[e] >> TOP_SHIFT) * RECORD, gathered)
 
 
 @njit(cache=True, nogil=True)
 def blend_weights(
-    first_tile, last_tile, start, done, owner, origin, records, x_lanes, y_lanes, pixel_weights, entry_sums, scratch
+    first_tile, last_tile, start, done, entries, records, x_lanes, y_lanes, pixel_weights, width, height, entry_sums, scratch
 ):  # fmt: skip
-    """Sum, for every entry, the blending weight times four images of pixel weights (4, h, w); arguments as of `blend_backward`."""
-    height, width = pixel_weights.shape[1:]
+    """Sum, for every entry, the blending weight times four images of pixel weights (4, h, w), flat; arguments as of `blend_backward`."""
     columns = len(x_lanes) // LANES
     for tile in range(first_tile, last_tile):
         for e in range(done[tile], start[tile + 1]):
-            store(entry_sums, origin[e] * RECORD, zeros())
+            store(entry_sums, (entries[e] >> TOP_SHIFT) * RECORD, zeros())
         top, left = tile // columns * TILE_HEIGHT, tile % columns * TILE_WIDTH
         rows, across = min(TILE_HEIGHT, height - top), min(TILE_WIDTH, width - left)
         open_tile(scratch, across, rows)
-        load_upstream(4, pixel_weights, top, left, rows, across, scratch)
+        for k in range(4):
+            corner = (k * height + top) * width + left
+            load_tile(pixel_weights, corner, width, across, rows, scratch, UPSTREAM + k * TILE_PIXELS)
         x_tile = load(x_lanes, tile % columns * LANES)
         y_tile = tile // columns * TILE_VECTORS
         for e in range(start[tile], done[tile]):
-            key = owner[e]
-            at = (key >> KEY_TILE) * RECORD
+            entry = entries[e]
+            at = ((entry >> GAUSSIAN_SHIFT) & GAUSSIAN_MASK) * RECORD
             dx = x_tile - load_spread(records, at + R_X)
             mean_y = load_spread(records, at + R_Y)
             across_power = fma(load_spread(records, at + R_A) * dx, dx, load_spread(records, at + R_OPACITY))
             slope = load_spread(records, at + R_B) * dx
             curve = load_spread(records, at + R_C)
             sum0, sum1, sum2, sum3 = zeros(), zeros(), zeros(), zeros()
-            for vector in range((key & 1023) >> 6, ((key & 31) >> 1) + 1):
+            for vector in range((entry >> ROW_BITS & ROW_MASK) >> 1, ((entry & ROW_MASK) >> 1) + 1):
                 dy = load(y_lanes, (y_tile + vector) * LANES) - mean_y
                 power = fma(fma(curve, dy, slope), dy, across_power)
                 alpha = minimum(alpha_power(power), splat(ALPHA_MAX))
@@ -202,4 +221,4 @@ def blend_weights(
                 sum1 = fma(weight, load(scratch, UPSTREAM + TILE_PIXELS + pixel), sum1)
                 sum2 = fma(weight, load(scratch, UPSTREAM + 2 * TILE_PIXELS + pixel), sum2)
                 sum3 = fma(weight, load(scratch, UPSTREAM + 3 * TILE_PIXELS + pixel), sum3)
-            store(entry_sums, origin[e] * RECORD, sums((sum0, sum1, sum2, sum3)))
+            store(entry_sums, (entries[e] >> TOP_SHIFT) * RECORD, sums((sum0, sum1, sum2, sum3)))

@@ -31,18 +31,23 @@ __all__ = [
     "floor",
     "fma",
     "load",
+    "load_halves",
     "load_spread",
     "load_strided",
     "mantissa",
     "maximum",
     "minimum",
+    "pack",
     "prefetch",
+    "ramp",
     "select",
     "some",
     "splat",
     "square_root",
     "store",
+    "store_halves",
     "store_interleaved",
+    "store_transposed",
     "sums",
     "zeros",
 ]
@@ -168,6 +173,68 @@ def store_interleaved(typingctx, array, index, columns):
 
 
 @intrinsic
+def load_halves(typingctx, array, low, high):
+    """Give eight numbers that begin at `low` and eight that begin at `high`."""
+
+    def codegen(context, builder, signature, args):
+        half = ir.VectorType(FLOAT, LANES // 2).as_pointer()
+        places = [address(context, builder, signature.args[0], args[0], args[k]) for k in (1, 2)]
+        parts = [builder.load(builder.bitcast(place, half), align=4) for place in places]
+        return shuffle(builder, *parts, list(range(LANES)))
+
+    return lanes_type(array, types.intp, types.intp), codegen
+
+
+@intrinsic
+def store_halves(typingctx, array, low, high, value):
+    """Write the first eight lanes from `low` on and the others from `high` on."""
+
+    def codegen(context, builder, signature, args):
+        for part, index in enumerate(args[1:3]):
+            eight = shuffle(builder, args[3], args[3], list(range(8 * part, 8 * part + 8)))
+            place = address(context, builder, signature.args[0], args[0], index)
+            builder.store(eight, builder.bitcast(place, eight.type.as_pointer()), align=4)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, types.intp, lanes_type), codegen
+
+
+@intrinsic
+def store_transposed(typingctx, array, index, columns):
+    """Write sixteen rows of sixteen numbers, given as a tuple of sixteen columns."""
+
+    def codegen(context, builder, signature, args):
+        level = cgutils.unpack_tuple(builder, args[2])
+        for width in (1, 2, 4, 8):  # swap blocks of this width across the diagonal
+            low = [k if k & width == 0 else k - width + LANES for k in range(LANES)]
+            swapped = list(level)
+            for k in range(LANES):
+                if k & width == 0:
+                    swapped[k] = shuffle(builder, level[k], level[k + width], low)
+                    swapped[k + width] = shuffle(builder, level[k], level[k + width], [j + width for j in low])
+            level = swapped
+        for row, value in enumerate(level):
+            offset = builder.add(args[1], ir.Constant(args[1].type, row * LANES))
+            place = address(context, builder, signature.args[0], args[0], offset)
+            builder.store(value, builder.bitcast(place, VECTOR.as_pointer()), align=4)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, columns), codegen
+
+
+@intrinsic
+def pack(typingctx, low, high):
+    """Give low + 65536 high, whole numbers from 0 to 65535, as integers that sit in float lanes."""
+
+    def codegen(context, builder, signature, args):
+        low, high = (builder.fptosi(value, INTS) for value in args)
+        word = builder.or_(low, builder.shl(high, ir.Constant(INTS, [INT(16)] * LANES)))
+        return builder.bitcast(word, VECTOR)
+
+    return lanes_type(lanes_type, lanes_type), codegen
+
+
+@intrinsic
 def prefetch(typingctx, array, index):
     """Ask for the cache line of `array[index]`; any index is allowed, and the contents are not touched."""
 
@@ -199,6 +266,16 @@ def splat(typingctx, number):
         return spread(builder, context.cast(builder, args[0], signature.args[0], types.float32))
 
     return lanes_type(number), codegen
+
+
+@intrinsic
+def ramp(typingctx):
+    """Give 0, 1, ... 15."""
+
+    def codegen(context, builder, signature, args):
+        return ir.Constant(VECTOR, [FLOAT(float(lane)) for lane in range(LANES)])
+
+    return lanes_type(), codegen
 
 
 @njit

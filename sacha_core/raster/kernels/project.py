@@ -1,8 +1,6 @@
-"""First stage: project Gaussians and emit one key for every tile that they touch."""
+"""First stage: project Gaussians into records of one cache line."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from numba import njit
@@ -27,22 +25,19 @@ from sacha_core.raster.kernels.lanes import (
     load_strided,
     maximum,
     minimum,
+    pack,
     select,
     splat,
     square_root,
     store,
+    store_transposed,
     zeros,
 )
 from sacha_core.raster.kernels.layout import (
     ALPHA_MIN,
-    KEY_ROW,
-    KEY_TILE,
     POWER_SCALE,
-    R_COLOUR,
     RADIUS_MAX,
     RECORD,
-    TILE_HEIGHT,
-    TILE_WIDTH,
     V_CX,
     V_CY,
     V_FX,
@@ -58,18 +53,11 @@ TWICE_LN2 = F(2 * np.log(2.0))
 BOX_MARGIN = F(2e-3)  # pixels; more than the rounding of a box's edge in an image of 16384 pixels
 FAR = F(1e15)  # squares stay finite
 HUGE = F(1e30)
-EXACT_FROM = 4  # tiles a splat may touch before its outline, not its box, picks them
-
-# planes of one block in the scratch; 0 to 5 are the record's
-P_X_LOW, P_X_HIGH, P_Y_LOW, P_Y_HIGH, P_SHEAR, P_SPREAD, P_INVERSE, P_LIMIT, P_APEX, P_KEEP, P_PX, P_PY, P_RY = range(
-    6, 19
-)
-PROJECT_SCRATCH = 19 * LANES
 
 
 @njit
-def project_block(means, scales, quaternions, opacities, row, view, depth, at, scratch):
-    """Project sixteen Gaussians from `row` on into the planes of `scratch`; their depths go to depth[at:]."""
+def project_block(means, scales, quaternions, opacities, colours, channels, row, view, at, records, depth):
+    """Project sixteen Gaussians from `row` on into the records and depths from `at` on."""
     x, y, z = to_camera(means, row, view)
     inverse, _, _, j00, j02, j11, j12 = jacobian(x, y, z, view)
     mean_x, mean_y = load_spread(view, V_FX) * x * inverse, load_spread(view, V_FY) * y * inverse
@@ -111,111 +99,55 @@ def project_block(means, scales, quaternions, opacities, row, view, depth, at, s
     y_high = minimum(floor(centre_y + reach_y), load_spread(view, V_HEIGHT) - F(1))
 
     # every test is false for what is not a number
-    keep = solid & (z > load_spread(view, V_NEAR)) & (z < FAR) & (square > F(1e-16)) & (square < HUGE)
+    keep = solid & (z > load_spread(view, V_NEAR)) & (z < FAR) & (square > F(1e-16)) & (square < HUGE) & (conic > F(0))
     keep = keep & (radius_x < RADIUS_MAX) & (radius_y < RADIUS_MAX) & (x_low <= x_high) & (y_low <= y_high)
-    keep = keep & (centre_x - centre_x <= F(0)) & (centre_y - centre_y <= F(0)) & (conic > F(0))
+    store(depth, at, select(keep, z, splat(F(np.inf))))
 
-    scale = splat(F(float(LOG2_E) / POWER_SCALE))
-    store(depth, at, z)
-    store(scratch, 0 * LANES, mean_x)
-    store(scratch, 1 * LANES, mean_y)
-    store(scratch, 2 * LANES, yy * conic * scale * F(-0.5))
-    store(scratch, 3 * LANES, xy * conic * scale)
-    store(scratch, 4 * LANES, xx * conic * scale * F(-0.5))
-    store(scratch, 5 * LANES, log_opacity * F(1 / POWER_SCALE))
-    store(scratch, P_X_LOW * LANES, x_low)
-    store(scratch, P_X_HIGH * LANES, x_high)
-    store(scratch, P_Y_LOW * LANES, y_low)
-    store(scratch, P_Y_HIGH * LANES, y_high)
+    scale = conic * F(float(LOG2_E) / POWER_SCALE)
     inverse_xx = splat(F(1)) / xx
-    store(scratch, P_SHEAR * LANES, xy * inverse_xx)
-    store(scratch, P_SPREAD * LANES, determinant * inverse_xx)
-    store(scratch, P_INVERSE * LANES, inverse_xx)
-    store(scratch, P_LIMIT * LANES, limit)
-    store(scratch, P_APEX * LANES, xy * radius_y / yy)
-    store(scratch, P_KEEP * LANES, select(keep, splat(F(1)), zeros()))
-    store(scratch, P_PX * LANES, centre_x)
-    store(scratch, P_PY * LANES, centre_y)
-    store(scratch, P_RY * LANES, radius_y)
+    red, green, blue, other = load_colours(colours, channels, row)
+    store_transposed(records, at * RECORD, (
+        mean_x, mean_y,
+        yy * scale * F(-0.5), xy * scale, xx * scale * F(-0.5), log_opacity * F(1 / POWER_SCALE),
+        red, green, blue, other,
+        pack(x_low, x_high), pack(y_low, y_high),
+        xy * inverse_xx, determinant * inverse_xx, inverse_xx, xy * radius_y / yy,
+    ))  # fmt: skip
 
 
 @njit
-def outline(lane, column, sign, scratch):
-    """Give how far the outline of a splat rises (sign 1) or falls (-1) within a column of tiles: row of its extreme, a real number."""
-    left = F(column * TILE_WIDTH) + F(0.5) - scratch[P_PX * LANES + lane]
-    apex = sign * scratch[P_APEX * LANES + lane]
-    nearest = min(max(apex, left), left + F(TILE_WIDTH - 1))
-    rise = scratch[P_RY * LANES + lane]
-    if nearest != apex:
-        inside = scratch[P_LIMIT * LANES + lane] - nearest * nearest * scratch[P_INVERSE * LANES + lane]
-        rise = sign * scratch[P_SHEAR * LANES + lane] * nearest + math.sqrt(
-            max(inside * scratch[P_SPREAD * LANES + lane], F(0))
-        )
-    return scratch[P_PY * LANES + lane] + sign * (rise + BOX_MARGIN) - F(0.5)
-
-
-@njit
-def emit_column(keys, position, column, columns, y_low, y_high):
-    """Write the keys of one column of tiles for the rows y_low to y_high; give the next free position."""
-    first, last = y_low // TILE_HEIGHT, y_high // TILE_HEIGHT
-    for row in range(first, last + 1):
-        top = y_low - row * TILE_HEIGHT if row == first else 0
-        bottom = y_high - row * TILE_HEIGHT if row == last else TILE_HEIGHT - 1
-        keys[position] = (row * columns + column) << KEY_TILE | top << KEY_ROW | bottom
-        position += 1
-    return position
-
-
-@njit
-def emit(lane, keys, position, columns, scratch):
-    """Write the keys of one Gaussian; give the next free position, or -1 where there is no room."""
-    x_low, x_high = int(scratch[P_X_LOW * LANES + lane]), int(scratch[P_X_HIGH * LANES + lane])
-    y_low, y_high = int(scratch[P_Y_LOW * LANES + lane]), int(scratch[P_Y_HIGH * LANES + lane])
-    left, right = x_low // TILE_WIDTH, x_high // TILE_WIDTH
-    tiles = (right - left + 1) * (y_high // TILE_HEIGHT - y_low // TILE_HEIGHT + 1)
-    if position + tiles > len(keys):
-        return -1
-    if tiles <= EXACT_FROM:
-        for column in range(left, right + 1):
-            position = emit_column(keys, position, column, columns, y_low, y_high)
-        return position
-    for column in range(left, right + 1):
-        top = max(math.ceil(outline(lane, column, F(-1), scratch)), y_low)
-        bottom = min(math.floor(outline(lane, column, F(1), scratch)), y_high)
-        if top <= bottom:
-            position = emit_column(keys, position, column, columns, top, bottom)
-    return position
+def load_colours(colours, channels, row):
+    """Give the colour channels of sixteen Gaussians, zero beyond the last."""
+    if channels == 4:
+        return (
+            load_strided(colours, 4 * row, 4, 0), load_strided(colours, 4 * row, 4, 1),
+            load_strided(colours, 4 * row, 4, 2), load_strided(colours, 4 * row, 4, 3),
+        )  # fmt: skip
+    if channels == 3:
+        return (
+            load_strided(colours, 3 * row, 3, 0), load_strided(colours, 3 * row, 3, 1), load_strided(colours, 3 * row, 3, 2),
+            zeros(),
+        )  # fmt: skip
+    if channels == 2:
+        return load_strided(colours, 2 * row, 2, 0), load_strided(colours, 2 * row, 2, 1), zeros(), zeros()
+    return load(colours, row), zeros(), zeros(), zeros()
 
 
 @njit(cache=True, nogil=True)
 def project(
-    means, scales, quaternions, opacities, tail_means, tail_scales, tail_quaternions, tail_opacities, colours, n, channels,
-    view, start, stop, base, columns, records, depth, keys, first, count, scratch,
+    means, scales, quaternions, opacities, colours,
+    tail_means, tail_scales, tail_quaternions, tail_opacities, tail_colours,
+    n, channels, view, start, stop, records, depth,
 ):  # fmt: skip
-    """Project the Gaussians `start` to `stop` (`start` a multiple of 16), emitting into `keys`, a slice that begins at entry `base`.
+    """Project the Gaussians `start` to `stop` (`start` a multiple of 16) into their records.
 
     All arrays are flat. The `tail_` arrays hold the last n % 16 rows, filled up to sixteen.
-    Gives the number of keys, or -1 where `keys` is too short.
+    The depth of a Gaussian that cannot be seen is infinite.
     """
-    position = 0
     for block in range(start, stop, LANES):
         if block + LANES <= n:
-            project_block(means, scales, quaternions, opacities, block, view, depth, block, scratch)
+            project_block(means, scales, quaternions, opacities, colours, channels, block, view, block, records, depth)
         else:
-            project_block(tail_means, tail_scales, tail_quaternions, tail_opacities, 0, view, depth, block, scratch)
-        for lane in range(min(LANES, n - block)):
-            g = block + lane
-            first[g] = base + position
-            count[g] = 0
-            if scratch[P_KEEP * LANES + lane] == F(0):
-                continue
-            after = emit(lane, keys, position, columns, scratch)
-            if after < 0:
-                return -1
-            count[g] = after - position
-            position = after
-            for k in range(R_COLOUR):
-                records[g * RECORD + k] = scratch[k * LANES + lane]
-            for k in range(channels):
-                records[g * RECORD + R_COLOUR + k] = colours[g * channels + k]
-    return position
+            project_block(
+                tail_means, tail_scales, tail_quaternions, tail_opacities, tail_colours, channels, 0, view, block, records, depth
+            )  # fmt: skip

@@ -44,14 +44,14 @@ GATHER_SCRATCH = LANES * RECORD + LANES
 
 
 @njit
-def gather(block, rows, first, count, entry_gradients, scratch):
+def gather(block, rows, span, entry_gradients, scratch):
     """Sum the entries of up to sixteen Gaussians into the rows of the scratch; are there any?"""
     found = False
     for lane in range(LANES):
         total = zeros()
-        entries = count[block + lane] if lane < rows else 0
+        entries = span[2 * (block + lane) + 1] if lane < rows else 0
         if entries > 0:
-            at = first[block + lane]
+            at = span[2 * (block + lane)]
             for e in range(at, at + entries):
                 total = total + load(entry_gradients, e * RECORD)
             found = True
@@ -199,7 +199,7 @@ def across(view, column, x, y, z):
 @njit(cache=True, nogil=True)
 def project_backward(
     means, scales, quaternions, opacities, tail_means, tail_scales, tail_quaternions, tail_opacities, n, channels, view, start, stop,
-    first, count, entry_gradients, g_means, g_scales, g_quaternions, g_opacities, g_means_2d, g_colours, scratch,
+    span, entry_gradients, g_means, g_scales, g_quaternions, g_opacities, g_means_2d, g_colours, scratch,
 ):  # fmt: skip
     """Give the gradients of the Gaussians `start` to `stop` (`start` a multiple of 16).
 
@@ -207,7 +207,7 @@ def project_backward(
     """
     for block in range(start, stop, LANES):
         rows = min(LANES, n - block)
-        if gather(block, rows, first, count, entry_gradients, scratch):
+        if gather(block, rows, span, entry_gradients, scratch):
             if rows == LANES:
                 project_block_backward(
                     means, scales, quaternions, opacities, block, view, scratch, block,
@@ -233,11 +233,11 @@ def project_backward(
 
 
 @njit(cache=True, nogil=True)
-def gather_weights(start, stop, first, count, entry_sums, weights):
+def gather_weights(start, stop, span, entry_sums, weights):
     """Sum the entries of the Gaussians `start` to `stop` into `weights` (n, 4), float64."""
     for g in range(start, stop):
         for k in range(4):
             total = 0.0
-            for e in range(first[g], first[g] + count[g]):
+            for e in range(span[2 * g], span[2 * g] + span[2 * g + 1]):
                 total += entry_sums[e * RECORD + k]
             weights[g, k] = total
