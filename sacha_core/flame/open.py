@@ -17,7 +17,7 @@ from sacha_core.npz import read_npz
 
 __all__ = ["attach_masks", "open_head", "open_synthetic"]
 
-SYNTHETIC = re.compile(r"synthetic(?:[:-](?P<size>[a-z]+))?(?:[:-](?P<seed>\d{1,9}))?")
+SYNTHETIC = re.compile(r"synthetic(?:[:-](?P<size>full|small))?(?:[:-](?P<seed>\d{1,9}))?")
 
 
 def open_head(
@@ -75,7 +75,9 @@ def attach_masks(head: HeadModel, path: str | os.PathLike[str]) -> HeadModel:
 
 def _open_file(path: Path, *, teeth: bool) -> HeadModel:
     if not path.is_file():
-        raise HeadError(f"no head {str(path)!r}: give a head model or rig (.npz), a FLAME pickle, or 'synthetic'")
+        raise HeadError(
+            f"no head {str(path)!r}: give a head model or rig (.npz), a FLAME pickle, or 'synthetic' (also 'synthetic:small')"
+        )
     with path.open("rb") as stream:
         is_archive = stream.read(2) == b"PK"
     if not is_archive:

@@ -145,6 +145,14 @@ def test_synthetic_heads_by_name(name: str) -> None:
     assert open_head(name).name == "synthetic-small-0"
 
 
+def test_names_that_only_look_synthetic(random_head: HeadModel, shelf: Path) -> None:
+    with pytest.raises(HeadError, match="no head 'synthetic:huge'"):
+        open_head("synthetic:huge")
+    named = replace(random_head, name="synthetic-huge-0")
+    assert remember(named) is not None
+    assert find_head(named.reference).name == "synthetic-huge-0"
+
+
 def test_the_shelf_gives_back_what_it_was_given(random_head: HeadModel, shelf: Path) -> None:
     assert shelf_folder() == shelf
     with pytest.raises(
