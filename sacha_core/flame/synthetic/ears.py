@@ -12,7 +12,7 @@ from sacha_core.flame.synthetic.spline import smooth_step
 
 __all__ = ["EAR_CENTRE", "ear_rings"]
 
-EAR_CENTRE = (0.0720, 0.0060, -0.0560)  # where the left ear's outline is centred, on the side of the head
+EAR_CENTRE = (0.0730, 0.0060, -0.0560)  # where the left ear's outline is centred, on the side of the head
 HALF_LENGTH = 0.0325
 HALF_BREADTH = 0.0175
 SET_BACK = 0.0120  # of the middle of the outline behind its attachment
@@ -27,9 +27,9 @@ _FOLDS = {
     "scapha": (0.79, -0.0022),
     "antihelix": (0.64, 0.0024),
     "concha_edge": (0.53, -0.0004),
-    "concha": (0.40, -0.0100),
+    "concha": (0.38, -0.0076),
 }
-BOWL_DEPTH = -0.0115
+BOWL_DEPTH = -0.0088
 BOWL_SHIFT = (-0.0035, -0.0040)  # of the middle folds: forwards and down
 TRAGUS = 0.0042  # how far the flap before the bowl stands up
 ROOT = (0.66, 0.74)  # size of the attachment, of the block's width and height

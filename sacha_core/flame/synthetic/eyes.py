@@ -14,12 +14,12 @@ __all__ = ["EYE_CENTRE", "EYE_RADIUS", "LID_CLEARANCE", "eyeball", "lid_rings"]
 
 EYE_CENTRE = (0.0325, 0.0190, 0.0248)  # of the left one
 EYE_RADIUS = 0.0142
-LID_CLEARANCE = 0.0006  # between the eyeball and the inside of a lid
-LID_THICKNESS = 0.0011
+LID_CLEARANCE = 0.0004  # between the eyeball and the inside of a lid
+LID_THICKNESS = 0.0014
 HALF_WIDTH = 0.0136  # of the opening between the lids
-OPENING = (0.0066, 0.0048)  # above and below the line of the corners
+OPENING = (0.0063, 0.0050)  # above and below the line of the corners
 FOLD_HALF_WIDTH = 0.0172
-FOLD = (0.0108, 0.0104)  # where the crease of the upper lid, and the faint one of the lower, run
+FOLD = (0.0112, 0.0104)  # where the crease of the upper lid, and the faint one of the lower, run
 SLANT = 0.06  # how much higher the outer corner lies, per unit of width
 
 SUNKEN = 0.0015  # how far lids may lie behind the face around them
@@ -28,13 +28,13 @@ SUNKEN = 0.0015  # how far lids may lie behind the face around them
 # shape, the rest being the face; depth of the fold above and below.
 _OUTSIDE = {
     "orbit": (0.55, 0.0, 0.0, 0.0),
-    "fold": (0.86, 0.30, -0.0012, -0.0002),
-    "crease": (1.10, 0.62, 0.0016, 0.0004),
+    "fold": (0.84, 0.30, -0.0015, -0.0002),
+    "crease": (1.10, 0.62, 0.0020, 0.0005),
     "lid": (1.55, 1.0, 0.0, 0.0),
     "margin": (2.0, 1.0, 0.0, 0.0),
 }
 # Rings behind the margin: how far on from the margin towards the equator of the eyeball, and clearance.
-_INSIDE = {"margin_in": (0.0, 0.0), "lid_in": (0.35, 0.0001), "socket": (0.7, 0.0002)}
+_INSIDE = {"margin_in": (0.0, 0.0), "socket": (0.30, 0.0)}
 SOCKET_DEPTH = 0.0030  # clearance of the point that closes the socket behind the eyeball
 
 
@@ -65,14 +65,17 @@ def lid_rings(
             guess = border_uv + (border_uv.mean(axis=0) - border_uv) * (place / 3)
             at = locate(flat[:, 0], flat[:, 1], guess[:, 0], guess[:, 1])
             face = loft(*at)
-            face_z = (face + relief(face))[:, 2]
+            face += relief(face)
+            # The relief pushes sideways too: far from the eyeball the ring goes with the face, at the margin it is where it was drawn.
+            flat = flat + (1 - of_eyeball) * (face[:, :2] - flat)
+            face_z = face[:, 2]
             lid_z = _on_eyeball(flat, LID_CLEARANCE + LID_THICKNESS)
             if of_eyeball < 1:  # past the edge of the eyeball the face goes on as it was
                 lid_z = np.maximum(lid_z, face_z - SUNKEN)
             z = face_z + of_eyeball * (lid_z - face_z)
             z -= np.where(sin > 0, above, below) * np.abs(sin)
             over_eyeball = np.hypot(*(flat - EYE_CENTRE[:2]).T) < EYE_RADIUS
-            z = np.where(over_eyeball, np.maximum(z, _on_eyeball(flat, LID_CLEARANCE + LID_THICKNESS / 2)), z)
+            z = np.where(over_eyeball, np.maximum(z, _on_eyeball(flat, LID_CLEARANCE + LID_THICKNESS)), z)
             rings.append(np.column_stack([flat, z]))
         else:
             rings.append(_behind_margin(margin, *_INSIDE[name]))

@@ -7,10 +7,11 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float, Int
 
+from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.synthetic.anatomy import Anatomy, assemble
 from sacha_core.flame.synthetic.correctives import pose_directions
-from sacha_core.flame.synthetic.expressions import expression_directions
+from sacha_core.flame.synthetic.expressions import EXPRESSIONS, expression_directions
 from sacha_core.flame.synthetic.identity import identity_directions
 from sacha_core.flame.synthetic.masks import region_masks
 from sacha_core.flame.synthetic.sizes import size_named
@@ -18,10 +19,10 @@ from sacha_core.flame.synthetic.skinning import PARENTS, joint_regressor, skinni
 
 __all__ = ["head_parts", "synthetic_head"]
 
-# Lengths are multiples of 2^-20 m, about a micrometre, and weights of 2^-16: the last bits in which machines' libraries differ are gone
+# Lengths are multiples of 2^-20 m, about a micrometre, and weights of 2^-20: the last bits in which machines' libraries differ are gone
 # before the digest is taken.
 LENGTH_STEP = 2.0**-20
-WEIGHT_STEP = 2.0**-16
+WEIGHT_STEP = 2.0**-20
 PERSON_SPREAD = 1.2  # standard deviations to which the identity of a seed's head is drawn, evenly
 
 
@@ -38,7 +39,7 @@ def synthetic_head(size: str = "full", seed: int = 0) -> HeadModel:
         The head, named `synthetic-SIZE-SEED`; the same bytes on every machine.
 
     Raises:
-        OptionError: there is no such size.
+        OptionError: there is no such size, or the seed is out of range.
 
     Source: own.
     """
@@ -61,6 +62,7 @@ def synthetic_head(size: str = "full", seed: int = 0) -> HeadModel:
         uv_faces=anatomy.uv_faces,
         masks=region_masks(anatomy),
         n_teeth_faces=anatomy.n_teeth_faces,
+        expression_names=EXPRESSIONS,
     )
 
 
@@ -86,6 +88,8 @@ def _anatomy(size: str) -> Anatomy:
 
 
 def _person(seed: int, n: int) -> Float[np.ndarray, " s"]:
+    if not 0 <= seed < 2**64:
+        raise OptionError(f"the seed of a synthetic head is {seed}; it must be from 0 to 2^64 - 1")
     if seed == 0:
         return np.zeros(n)
     # Raw words of Philox are the same in every version of numpy, which its distributions are not.

@@ -17,7 +17,7 @@ from sacha_core.flame.synthetic.sizes import Block, Size
 
 __all__ = ["Part", "Patch", "Skin", "lay_out_skin"]
 
-COLUMN_PULL = 0.6  # how much closer columns stand in front than evenly spaced: 0 not at all, towards 1 infinitely
+COLUMN_PULL = 0.68  # how much closer columns stand in front than evenly spaced: 0 not at all, towards 1 infinitely
 
 
 @dataclass(frozen=True)

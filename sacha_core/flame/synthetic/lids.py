@@ -11,7 +11,7 @@ from sacha_core.flame.synthetic.eyes import EYE_CENTRE
 __all__ = ["close_lids", "turn_lids"]
 
 # How far each ring goes along with the margin.
-_FOLLOW = {"fold": 0.03, "crease": 0.16, "lid": 0.60, "margin": 1.0, "margin_in": 1.0, "lid_in": 0.45}
+_FOLLOW = {"fold": 0.03, "crease": 0.16, "lid": 0.60, "margin": 1.0, "margin_in": 1.0, "socket": 0.45}
 MEETING_PLACE = 0.22  # where closed lids meet, from the lower margin (0) to the upper (1)
 LEFT_OPEN = 0.02  # of the opening, either lid stops short of the other
 

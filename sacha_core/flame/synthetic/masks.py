@@ -10,8 +10,11 @@ from sacha_core.flame.synthetic.eyes import EYE_CENTRE
 
 __all__ = ["region_masks"]
 
-HAIRLINE, CHIN, NECK_TOP, BOUNDARY_TOP = 2.45, 11.4, 11.0, 14.9  # loft heights
-FACE_SIDE_RAD = 1.32  # how far round the face reaches, to just before the ears
+HAIRLINE, CHIN, BOUNDARY_TOP = 2.45, 11.4, 14.9  # loft heights
+# How far round the face reaches at some loft heights: to just before the ears, and under them to the angle of the jaw.
+FACE_SIDE = ((5.0, 7.0, 8.0), (1.32, 1.40, 1.72))
+# Loft height at which the neck begins, at some angles: at the edge of the jaw, and behind under the hair.
+NECK_TOP = ((1.6, 2.1), (11.0, 9.2))
 FOREHEAD_BOTTOM_Y = 0.0540
 NOSE_Y = (-0.0335, 0.0270)
 NOSE_HALF_WIDTH = (0.0205, 0.0095)  # at its bottom and at its top
@@ -42,15 +45,15 @@ def region_masks(anatomy: Anatomy) -> dict[str, Int[np.ndarray, " m"]]:
     mouth = _patch(anatomy, "mouth")
     lips = _rings(anatomy, "mouth", _LIP_RINGS)
     hidden[np.setdiff1d(mouth, np.concatenate([lips, _rings(anatomy, "mouth", ("around",))]))] = True
-    front = ~hidden & (angle <= FACE_SIDE_RAD) & (height >= HAIRLINE)
-    face = front & (height <= CHIN)
-    neck = ~hidden & (height >= NECK_TOP) & ~(face & (height < CHIN))
+    face = ~hidden & (angle <= np.interp(height, *FACE_SIDE)) & (height >= HAIRLINE) & (height <= CHIN)
+    neck_top = np.interp(angle, *NECK_TOP)
+    neck = ~hidden & ~face & (height >= neck_top)
     breadth = np.interp(y, NOSE_Y, NOSE_HALF_WIDTH)
     nose = face & (x <= breadth) & (y >= NOSE_Y[0]) & (y <= NOSE_Y[1])
     masks = {
         "face": face,
         "neck": neck,
-        "scalp": ~hidden & ~face & (height <= NECK_TOP),
+        "scalp": ~hidden & ~face & (height <= neck_top),
         "boundary": ~hidden & (height >= BOUNDARY_TOP),
         "forehead": face & (y >= FOREHEAD_BOTTOM_Y),
         "nose": nose,

@@ -17,10 +17,10 @@ MOUTH_CORNER = (0.0245, MOUTH_LINE, 0.0405)  # on the subject's left, where the 
 LIP_HALF_WIDTH = 0.0262
 LIP_HEIGHT = (0.0086, 0.0098)  # of the upper and the lower lip
 SLIT_HALF_WIDTH = 0.0240
-SLIT_HALF_HEIGHT = 0.0008  # the lips stand a little apart
+SLIT_HALF_HEIGHT = 0.0005  # the lips stand a little apart
 CORNER_RISE = 0.0008
 MIDDLE_DROP = 0.0006
-BOW = 0.0014  # depth of the bow in the outline of the upper lip
+BOW = 0.0018  # depth of the bow in the outline of the upper lip
 
 # Rings of the lips: place from the border of the block (-1) by the outline (0) to the slit (1), and how far they stand out.
 _LIPS = {
@@ -35,15 +35,15 @@ _LIPS = {
 # own depth is kept (the rest is the depth of the middle, so that deep rings are flat).
 _POCKET = {
     "wet": (0.0228, 0.0012, 0.0012, 0.0050, 1.0),
-    "vestibule": (0.0245, 0.0125, 0.0110, 0.0125, 0.9),
-    "wall": (0.0250, 0.0150, 0.0125, 0.0420, 0.35),
+    "vestibule": (0.0256, 0.0125, 0.0110, 0.0125, 0.9),
+    "wall": (0.0262, 0.0150, 0.0125, 0.0420, 0.35),
     "throat": (0.0150, 0.0100, 0.0110, 0.0620, 0.0),
 }
 THROAT = (0.0, MOUTH_LINE, -0.0150)
 
 # Rows of teeth: half width and depth of the arch, foremost point, height of the roots and of the edges.
-_UPPER = (0.0205, 0.0260, 0.0462, MOUTH_LINE + 0.0120, MOUTH_LINE - 0.0012)
-_LOWER = (0.0188, 0.0245, 0.0432, MOUTH_LINE - 0.0120, MOUTH_LINE - 0.0016)
+_UPPER = (0.0226, 0.0260, 0.0462, MOUTH_LINE + 0.0120, MOUTH_LINE - 0.0012)
+_LOWER = (0.0208, 0.0245, 0.0432, MOUTH_LINE - 0.0120, MOUTH_LINE - 0.0016)
 ARCH_END_RAD = 1.30  # from the middle of the arch to its last tooth
 # Points of a tooth's section: part of the way from root to edge, distance behind the front, rounding off towards its neighbours.
 _TOOTH = {
@@ -54,7 +54,7 @@ _TOOTH = {
     "root_behind": (0.0, 0.0050, 0.4),
 }
 GAP_DEPTH = 0.0007  # how far the front recedes between two teeth
-GAP_HEIGHT = 0.0011  # how much shorter a tooth is there
+GAP_HEIGHT = 0.0007  # how much shorter a tooth is there
 
 
 def lip_rings(
@@ -113,7 +113,10 @@ def _lip_ring(
     flat = outline + (slit - outline) * place if place >= 0 else outline + (border[:, :2] - outline) * -place
     guess = border_uv + (border_uv.mean(axis=0) - border_uv) * (1 + place) / 2.5
     face = loft(*locate(flat[:, 0], flat[:, 1], guess[:, 0], guess[:, 1]))
-    z = (face + relief(face))[:, 2] + out * np.abs(sin) ** 0.8 * np.where(upper, 1.0, 1.1)
+    face += relief(face)
+    # The relief pushes sideways too: the nearer to the border, the more the ring goes along.
+    flat = flat + max(-place, 0.0) * (face[:, :2] - flat)
+    z = face[:, 2] + out * np.abs(sin) ** 0.8 * np.where(upper, 1.0, 1.1)
     return np.column_stack([flat, z - max(place, 0.0) * 0.0015 * np.abs(cos) ** 6])
 
 

@@ -19,7 +19,7 @@ JAW_ANGLE = np.array([0.0, -0.0760, -0.0450])  # and where it ends below the ear
 SLIT_SOFTNESS = 0.0003  # half the height over which the mouth divides between the lips
 NECK_HEIGHT = (-0.1750, -0.1150)  # below the first everything follows the root, above the second the neck
 HINGE_SPOT = np.array([0.0690, -0.0100, -0.0480])
-ROOT_HEIGHT, NECK_JOINT_HEIGHT = 15.0, 13.0  # loft heights of the rings whose middles are the root and the neck joint
+ROOT_HEIGHT, NECK_JOINT_HEIGHT = 14.5, 12.9  # loft heights of the rings whose middles are the root and the neck joint
 
 
 def below_mouth(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
@@ -36,7 +36,7 @@ def below_mouth(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     across = np.abs(points[:, 0])
     # From the corner of the mouth the border rises to the hinge of the jaw.
     back = np.clip((MOUTH_CORNER[2] - points[:, 2]) / (MOUTH_CORNER[2] - HINGE[2]), 0.0, 1.0)
-    outside = smooth_step(across, 0.35 * MOUTH_CORNER[0], 1.8 * MOUTH_CORNER[0])
+    outside = smooth_step(across, 0.6 * MOUTH_CORNER[0], 1.9 * MOUTH_CORNER[0])
     slit = slit_height(across)
     line = slit + outside * back * (HINGE[1] - slit)
     softness = SLIT_SOFTNESS + outside * (0.012 + 0.020 * back)
