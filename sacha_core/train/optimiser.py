@@ -41,6 +41,7 @@ def adam(
     step = state.steps[group]
     correction = 1 - BETAS[0] ** step
     square = np.float32(1 / math.sqrt(1 - BETAS[1] ** step))
+    decay = tuple(np.float32(number) for number in (*BETAS, 1 - BETAS[0], 1 - BETAS[1]))
     tasks = [
         (name, first, min(first + RANGE, gradient.size))
         for name, gradient in gradients.items()
@@ -52,7 +53,7 @@ def adam(
         arrays = (state.values[name], gradients[name], state.first[name], state.second[name])
         flat = [array.reshape(-1) for array in arrays]
         rate = np.float32(rates[name] / correction)
-        adam_range(first, last, *flat, rate, np.float32(BETAS[0]), np.float32(BETAS[1]), np.float32(EPSILON), square)
+        adam_range(first, last, *flat, rate, *decay, np.float32(EPSILON), square)
 
     pool.run(run, len(tasks))
 

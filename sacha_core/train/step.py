@@ -83,7 +83,7 @@ class Stage:
     ) -> None:
         self._faces = np.ascontiguousarray(head.faces, np.int32)
         self._poser = DifferentiablePoser(head, motion)
-        self._losses, self._fine_tune = losses, fine_tune
+        self._losses, self._fine_tune, self._pool = losses, fine_tune, pool
         self._rasteriser = Rasteriser(pool.threads)
         self._image_loss = ImageLoss(losses.l1, losses.ssim, losses.sensitivity, pool.run)
         self._motion_gradients: Arrays = {}
@@ -117,7 +117,7 @@ class Stage:
         opacities = sigmoid(values["opacity_logit"])
         colours = np.empty((len(state), 4), np.float32)
         centre = np.asarray(camera.centre, np.float32)
-        colours[:, :3] = sh_colours(values["sh_dc"], values["sh_rest"], means, centre, degree)
+        colours[:, :3] = sh_colours(values["sh_dc"], values["sh_rest"], means, centre, degree, self._pool)
         colours[:, 3] = sigmoid(values["sensitivity_logit"])
         crop = self._crop(means, scales, opacities, camera, box)
         part = camera.crop(crop[0], crop[1], crop[2] - crop[0], crop[3] - crop[1])
@@ -141,7 +141,7 @@ class Stage:
         slopes = self._rasteriser.backward(drawing.frame, losses.gradient)
         sh = (state.values["sh_dc"], state.values["sh_rest"], splats.means)
         centre = np.asarray(drawing.frame.camera.centre, np.float32)
-        d_dc, d_rest, d_means = sh_colours_backward(*sh, centre, degree, slopes.colours[:, :3])
+        d_dc, d_rest, d_means = sh_colours_backward(*sh, centre, degree, slopes.colours[:, :3], self._pool)
         incoming = (slopes.means + d_means, slopes.scales, slopes.quaternions)
         torch.autograd.backward(drawing.world, [torch.from_numpy(np.ascontiguousarray(g)) for g in incoming])
         gradients = {name: gradient_of(drawing.leaves[name]) for name in ("position", "log_scale", "quaternion")}

@@ -11,7 +11,9 @@ TINIEST = np.float32(1e-37)  # just above where float32 becomes denormal and ari
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "nsz", "arcp", "reassoc"})
-def adam_range(first, last, value, gradient, mean, square, rate, beta1, beta2, epsilon, square_correction):
+def adam_range(
+    first, last, value, gradient, mean, square, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
+):
     """Step values first to last; moments too small for a normal number become 0.
 
     Args:
@@ -24,15 +26,16 @@ def adam_range(first, last, value, gradient, mean, square, rate, beta1, beta2, e
         rate: learning rate over the first moment's bias correction.
         beta1: decay of the first moment.
         beta2: decay of the second moment.
+        rest1: 1 - beta1, rounded once: from the rounded 0.999 it would be off by 5e-5.
+        rest2: 1 - beta2, likewise.
         epsilon: beside the root of the second moment.
         square_correction: one over the root of the second moment's bias correction.
     """
     zero = np.float32(0)
-    one = np.float32(1)
     for i in range(first, last):
         slope = gradient[i]
-        m = beta1 * mean[i] + (one - beta1) * slope
-        s = beta2 * square[i] + (one - beta2) * slope * slope
+        m = beta1 * mean[i] + rest1 * slope
+        s = beta2 * square[i] + rest2 * slope * slope
         m = m if abs(m) > TINIEST else zero
         s = s if s > TINIEST else zero
         mean[i] = m

@@ -1,0 +1,90 @@
+"""The paper's numbers, their scaling, and the variants by name."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sacha_core.errors import OptionError
+from sacha_core.train.options import TrainOptions, from_record
+from sacha_core.train.presets import VARIANTS, preset, scaled, variant
+
+
+def test_the_paper_run() -> None:
+    options = preset("paper")
+    schedule = options.schedule
+    assert (schedule.iterations, schedule.warm_up) == (360_000, 110_000)
+    assert schedule.calibrations == (110_000, 160_000, 210_000, 260_000, 310_000)
+    assert (options.density.threshold, options.pruning.ratio) == (3e-4, 0.2)
+    assert (options.losses.sensitivity, options.rates.sensitivity_logit) == (1e-2, 1e-4)
+    assert (options.pruning.scope, options.pruning.guard) == ("regions", "after")
+
+
+def test_the_paper_schedule_scaled_to_itself_is_itself() -> None:
+    assert scaled(360_000, "paper").schedule == preset("paper").schedule
+    assert scaled(360_000, "paper").rates == preset("paper").rates
+
+
+@given(st.integers(1, 400_000), st.sampled_from(VARIANTS))
+def test_a_scaled_run_is_in_order(iterations, name) -> None:
+    options = scaled(iterations, name)
+    schedule = options.schedule
+    assert schedule.iterations == iterations
+    assert 1 <= schedule.warm_up <= iterations
+    assert schedule.calibrations[0] == schedule.warm_up
+    assert list(schedule.calibrations) == sorted(set(schedule.calibrations))
+    assert schedule.densify_until <= iterations
+    # a sensitivity can move as far as in the paper's run
+    assert options.rates.sensitivity_logit * iterations == pytest.approx(36, rel=1e-9)
+    if 2000 <= iterations < 20_000:
+        assert iterations - schedule.calibrations[-1] >= 500
+        assert max(schedule.opacity_resets) < schedule.warm_up
+        assert 35 <= sum(schedule.densifies(i) for i in range(iterations)) <= 50 or name == "sacha"
+
+
+def test_variants_differ_as_their_names_say() -> None:
+    of = {name: scaled(6000, name) for name in VARIANTS}
+    assert {name for name in VARIANTS if of[name].density.by_region} == {
+        "rad",
+        "rad-gp-lgs",
+        "rad-gp-pis",
+        "paper",
+        "sacha",
+    }
+    scopes = {name: of[name].pruning.scope for name in VARIANTS}
+    assert [name for name in VARIANTS if scopes[name] == "none"] == ["ga", "default", "rad"]
+    assert [name for name in VARIANTS if scopes[name] == "regions"] == ["paper", "sacha"]
+    assert {name for name in VARIANTS if of[name].pruning.score == "lgs"} == {"rad-gp-lgs"}
+    assert of["sacha"].schedule.densify_until == max(of["sacha"].schedule.calibrations)
+    assert of["default"].schedule.densify_until == 6000
+    assert preset("ga").density.threshold == pytest.approx(2e-4, rel=1e-12)
+
+
+def test_options_survive_a_json_file() -> None:
+    options = scaled(5000, "sacha", TrainOptions(seed=3, width=275, height=401))
+    assert from_record(json.loads(json.dumps(options.record()))) == options
+
+
+@pytest.mark.parametrize("change", [{"seed": None}, {"surprise": 1}, {"schedule": 3}])
+def test_other_records_are_refused(change) -> None:
+    record = TrainOptions().record() | change
+    if record["seed"] is None:
+        del record["seed"]
+    with pytest.raises(OptionError, match="fields"):
+        from_record(record)
+
+
+def test_nonsense_is_named() -> None:
+    with pytest.raises(OptionError, match=r"variant 'x' is unknown.*sacha"):
+        variant(TrainOptions(), "x")
+    for name, value in {"seed": -1, "sh_degree": 4, "threads": 0, "width": 3, "checkpoint_every": 0}.items():
+        with pytest.raises(OptionError, match=name):
+            TrainOptions(**{name: value})
+    with pytest.raises(OptionError, match="iterations"):
+        scaled(0)
+    with pytest.raises(OptionError, match=r"pruning\.ratio"):
+        replace(TrainOptions(), pruning=replace(TrainOptions().pruning, ratio=1.5))
