@@ -176,7 +176,7 @@ class SequenceWriter:
         camera_index: int,
         camera: Camera,
         image: UInt8[np.ndarray, "h w 3"],
-        mask: UInt8[np.ndarray, "h w"],
+        mask: UInt8[np.ndarray, "_ _"],
     ) -> None:
         """Write one image and its mask; threads may call this at the same time.
 

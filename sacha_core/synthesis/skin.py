@@ -138,11 +138,11 @@ class Painter:
         self.tint(self.spot(marks.mouth - (0, 0.55 * marks.spacing, 0), 0.3), (1.01, 0.93, 0.92))
         mottle = noise_at(self.points, 90.0) * 0.6 + noise_at(self.points, 220.0) * 0.4
         self.tint(mottle, (1.03, 1.06, 1.07))
-        freckles = self.at(0, -0.62, 0.35) + marks.spacing * rng.normal(size=(N_FRECKLES, 3)) * (0.55, 0.28, 0.25)
+        freckles = self.at(0.0, -0.62, 0.35) + marks.spacing * rng.normal(size=(N_FRECKLES, 3)) * (0.55, 0.28, 0.25)
         for centre, strength in zip(freckles, rng.uniform(0.1, 0.35, N_FRECKLES), strict=True):
             nearest = self.points[np.argmin(((self.points - centre) ** 2).sum(axis=1))]
             self.tint(strength * self.spot(nearest, 0.022), (0.72, 0.55, 0.45))
-        oil = self.spot(self.at(0, 0.75, 0.3), 0.55) + self.spot(marks.nose, 0.35)
+        oil = self.spot(self.at(0.0, 0.75, 0.3), 0.55) + self.spot(marks.nose, 0.35)
         self.gloss += 0.1 * np.minimum(oil, 1)
 
     def lips(self) -> None:
@@ -179,7 +179,7 @@ class Painter:
 
     def dressed(self) -> Coat:
         """Put on the shirt, and give the finished coat."""
-        bottom = self.points[:, 1].min()
+        bottom = float(self.points[:, 1].min())
         axis = self.points[self.fine_ids("neck")][:, 2].mean()
         height = self.points[self.fine_ids("boundary")][:, 1].max() + COLLAR_M
         # Lower in front than behind.

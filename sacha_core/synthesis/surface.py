@@ -25,8 +25,8 @@ class FineSurface:
         edges: for each round the edges (e, 2) on whose middles its new vertices lie.
     """
 
-    faces: tuple[Int[np.ndarray, "f 3"], ...]
-    edges: tuple[Int[np.ndarray, "e 2"], ...]
+    faces: tuple[Int[np.ndarray, "_ 3"], ...]
+    edges: tuple[Int[np.ndarray, "_ 2"], ...]
 
     def interpolate(self, values: Float[np.ndarray, "v ..."]) -> Float[np.ndarray, "w ..."]:
         """Carry values of the mesh's vertices to the fine vertices, linearly."""

@@ -75,7 +75,7 @@ def test_an_even_sky_lights_everything_evenly() -> None:
     vertices = vertices * 1e-3 - (0, 5, 0)  # a speck far away, that shadows nothing
     shadows = Shadows(even_studio(0.7), vertices.astype(np.float32), faces)
     normals = Rotation.random(50, random_state=1).apply([0, 0, 1]).astype(np.float32)
-    light = shadows.irradiance(np.zeros((50, 3), np.float32), normals, (0, 0, 0))
+    light = shadows.irradiance(np.zeros((50, 3), np.float32), normals, (0.0, 0.0, 0.0))
     assert np.abs(light / 0.7 - 1).max() < QUADRATURE
 
 
@@ -85,8 +85,8 @@ def test_inside_a_closed_ball_it_is_dark_and_outside_it_is_not() -> None:
     shadows = Shadows(even_studio(1.0), vertices, faces)
     inside = (vertices * 0.5).astype(np.float32)
     normals = (vertices * 10).astype(np.float32)
-    assert np.abs(shadows.irradiance(inside, normals, (0, 0, 0))).max() == 0
-    lit = shadows.irradiance((vertices * 1.001).astype(np.float32), normals, (0, 0, 0))
+    assert np.abs(shadows.irradiance(inside, normals, (0.0, 0.0, 0.0))).max() == 0
+    lit = shadows.irradiance((vertices * 1.001).astype(np.float32), normals, (0.0, 0.0, 0.0))
     assert lit.min() > 0.85  # convex: nothing but the bias at grazing angles is lost
 
 
