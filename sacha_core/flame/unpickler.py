@@ -149,7 +149,6 @@ for core in ("numpy.core", "numpy._core"):
     NAMES[core + ".numeric", "_frombuffer"] = _array_of_buffer
 for home in ("scipy.sparse.csc", "scipy.sparse._csc"):
     NAMES[home, "csc_matrix"] = SparseRecord
-CALLABLE = frozenset(NAMES.values())
 REFUSED = (
     pickle.INST,
     pickle.OBJ,
@@ -163,7 +162,10 @@ REFUSED = (
 
 
 class _Unpickler(pickle._Unpickler):
-    """The standard library's reader in Python, whose memory grows with the file only; a few instructions are narrowed or refused."""
+    """The standard library's reader in Python, whose memory grows with the file only; a few instructions are narrowed or refused.
+
+    What a program can call it must have named, so whatever it calls is in this module.
+    """
 
     dispatch: ClassVar[dict[int, Callable[..., None]]] = dict(pickle._Unpickler.dispatch)
     stack: list[Any]
@@ -175,14 +177,6 @@ class _Unpickler(pickle._Unpickler):
                 f"the pickle asks for {module}.{name}, which is not among what a head model needs; nothing was run"
             )
         return NAMES[module, name]
-
-    def reduce(self) -> None:
-        """Call one of the records, and nothing else that may lie on the stack."""
-        arguments = self.stack.pop()
-        function = self.stack[-1]
-        if not any(function is known for known in CALLABLE) or not isinstance(arguments, tuple):
-            raise pickle.UnpicklingError("the pickle calls something that it did not name")
-        self.stack[-1] = function(*arguments)
 
     def new_object(self) -> None:
         """Make an empty record."""
@@ -203,7 +197,6 @@ class _Unpickler(pickle._Unpickler):
         """Stop at an instruction that no head model needs."""
         raise pickle.UnpicklingError("the pickle uses an instruction that no head model needs")
 
-    dispatch[pickle.REDUCE[0]] = reduce
     dispatch[pickle.NEWOBJ[0]] = new_object
     dispatch[pickle.BUILD[0]] = build
     for code in (*REFUSED, pickle.NEWOBJ_EX):
