@@ -43,13 +43,14 @@ class Level:
 
 
 LEVELS = {
-    1: Level(1, 20, 6, 2.5, 0.06, 0.01, 0.005, 5e-4, 2e-4),
-    2: Level(2, 28, 4, 3.0, 0.02, 0.005, 0.002, 2e-4, 1e-4),
-    3: Level(3, 40, 2, 3.5, 0.005, 0.005, 5e-4, 5e-5, 5e-5),
-    4: Level(4, 80, -1, 4.5, 0.0025, 0.0025, 2.5e-4, 2e-5, 2e-5),
+    1: Level(1, 24, 3, 2.5, 0.06, 0.01, 0.005, 5e-4, 2e-4),
+    2: Level(2, 32, 1, 3.0, 0.02, 0.005, 0.002, 2e-4, 1e-4),
+    3: Level(3, 48, -1, 4.0, 0.005, 0.005, 5e-4, 5e-5, 5e-5),
+    4: Level(4, 72, -3, 4.5, 0.0025, 0.0025, 2.5e-4, 2e-5, 2e-5),
 }
 
-# Rules at exponent 0, one a component. Fields: weights of transparency, size, elongation (quarters); reference; low, high; base exponent.
+# Rules at exponent 0, found by descent on the rendering error of a real avatar at a given size. Fields: weights of transparency, size,
+# elongation (quarters); reference (the encoder fits it); low, high; base exponent.
 SCALE_RULES = (
     StepRule(2, 0, 0, 0, 0, 8, 18),
     StepRule(3, 0, 0, 0, 0, 11, 17),
@@ -62,13 +63,13 @@ COLOUR_RULES = (
     StepRule(4, 3, 1, 0, -6, 9, 20),
     StepRule(5, 3, 0, 0, -6, 10, 21),
 )
-HARMONIC_RULES = (  # Y of degree 1, 2, 3, then U and V
-    StepRule(4, 4, 0, 0, -6, 8, 21),
-    StepRule(4, 4, 0, 0, -6, 8, 22),
-    StepRule(4, 4, 0, 0, -6, 8, 22),
-    StepRule(4, 4, 0, 0, -6, 8, 24),
-    StepRule(4, 4, 0, 0, -6, 8, 25),
-    StepRule(4, 4, 0, 0, -6, 8, 25),
+HARMONIC_RULES = (  # luma of degree 1, 2, 3, then the colour differences
+    StepRule(4, 2, 0, 0, -6, 11, 21),
+    StepRule(4, 2, 0, 0, -6, 11, 22),
+    StepRule(4, 2, 0, 0, -6, 11, 22),
+    StepRule(4, 3, 0, 0, -6, 11, 22),
+    StepRule(4, 3, 0, 0, -6, 11, 23),
+    StepRule(4, 3, 0, 0, -6, 11, 23),
 )
 HARMONIC_DEAD_ZONE = 0.18
 

@@ -1,0 +1,214 @@
+"""Sections one by one: what the encoder believes the decoder has is what it has, and errors stay within half a step."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from sacha_core.codec.colour import decode_colour, encode_colour, yuv_to_rgb
+from sacha_core.codec.counts import decode_counts, encode_counts
+from sacha_core.codec.harmonics import decode_harmonics, encode_harmonics
+from sacha_core.codec.levels import COLOUR_RULES, HARMONIC_RULES, POSITION_RULE, ROTATION_RULE, SCALE_RULES
+from sacha_core.codec.opacity import decode_opacity, encode_opacity, opacity_index, opacity_table
+from sacha_core.codec.order import Layout
+from sacha_core.codec.position import decode_position, encode_position
+from sacha_core.codec.reading import ByteReader
+from sacha_core.codec.rotation import decode_rotation, encode_rotation, rotation_vector, sort_axes
+from sacha_core.codec.scale import classes_of, decode_scale, encode_scale
+from sacha_core.codec.static import decode_static, encode_static
+from sacha_core.codec.steps import STEPS, Classes, StepRule, quantise
+from sacha_core.codec.template import Template
+from sacha_core.errors import FormatError
+
+FLOAT32_ROUNDING = 1e-6  # relative: decoded values are rounded to float32 once
+ANGLE_TOLERANCE = 1e-6  # of rotation matrices in float64 through a product and a square root
+LOGIT_TOLERANCE = 1e-9  # relative, of a float64 library logarithm against 40 digits
+
+counts_lists = st.lists(st.integers(0, 4) | st.sampled_from([0, 9]), min_size=1, max_size=12)
+
+
+def layout_of(counts: list[int], seed: int = 0) -> Layout:
+    """Give a layout in a random order of triangles of random sizes."""
+    rng = np.random.default_rng(seed)
+    template = Template(rng.permutation(len(counts)), rng.integers(-5, 6, len(counts)))
+    return Layout(np.array(counts, np.int64), template)
+
+
+def classes_for(n: int, seed: int = 0) -> Classes:
+    rng = np.random.default_rng(seed)
+    return Classes(rng.integers(0, 25, n), rng.integers(-60, 20, n), rng.integers(0, 12, n))
+
+
+def reader(data: bytes) -> ByteReader:
+    return ByteReader(data, "section")
+
+
+@given(st.lists(st.integers(0, 300), max_size=60), st.integers(0, 5))
+def test_counts(counts, seed):
+    order = np.random.default_rng(seed).permutation(len(counts))
+    values = np.array(counts, np.int64)
+    data = encode_counts(values, order)
+    assert np.array_equal(decode_counts(reader(data), order, sum(counts)), values)
+    with pytest.raises(FormatError, match="add up to"):
+        decode_counts(reader(data), order, sum(counts) + 1)
+
+
+@given(counts_lists, st.sampled_from([1, 2, 24, 1024]), st.integers(0, 100))
+def test_opacity(counts, n_steps, seed):
+    layout = layout_of(counts)
+    index = np.random.default_rng(seed).integers(0, n_steps + 1, sum(counts))
+    index = index[np.lexsort((-index, layout.slots))]
+    decoded, table = decode_opacity(reader(encode_opacity(layout, index, n_steps)), layout)
+    assert np.array_equal(decoded, index)
+    assert len(table.logit) == n_steps + 1
+
+
+@pytest.mark.parametrize("n_steps", [1, 7, 72, 1024])
+def test_opacity_table_against_the_library(n_steps):
+    """Oracle: sin^2 and log of the platform's libm in float64."""
+    inside = np.clip(np.arange(n_steps + 1.0), 0.25, n_steps - 0.25)
+    angle = np.pi / 2 * inside / n_steps
+    table = opacity_table(n_steps)
+    assert np.allclose(table.logit, 2 * np.log(np.tan(angle)), rtol=FLOAT32_ROUNDING, atol=FLOAT32_ROUNDING)
+    octaves = -2 * np.log2(np.sin(angle) ** 2)
+    off = np.abs(table.transparency - np.minimum(octaves, 24))
+    assert off.max() <= 0.5 + LOGIT_TOLERANCE
+
+
+@given(
+    st.lists(st.floats(-(2.0**127), 2.0**127, width=32) | st.floats(-12, 12, width=32), min_size=1),
+    st.integers(1, 1024),
+)
+def test_opacity_index_is_the_nearest(logits, n_steps):
+    """Extreme logits and denormals included."""
+    logit = np.array(logits, np.float32)
+    index = opacity_index(logit, n_steps)
+    alpha = 1 / (1 + np.exp(-np.clip(logit.astype(np.float64), -700, 700)))
+    angle = np.arcsin(np.sqrt(alpha)) / (np.pi / 2) * n_steps
+    assert index.min() >= 0
+    assert index.max() <= n_steps
+    assert np.abs(index - angle).max() <= 0.5 + 1e-6
+
+
+@given(counts_lists, st.floats(0.0, 8.0), st.integers(0, 50))
+def test_scale(counts, spread, seed):
+    layout = layout_of(counts, seed)
+    rng = np.random.default_rng(seed)
+    log_scale = -np.sort(-rng.normal(-3, spread, (sum(counts), 3)), axis=1)
+    transparency = rng.integers(0, 25, sum(counts))
+    data, expected = encode_scale(layout, log_scale, transparency, SCALE_RULES)
+    decoded, integers = decode_scale(reader(data), layout, transparency)
+    assert np.array_equal(integers, expected)
+    step = np.stack([rule.steps(Classes(transparency, transparency * 0, transparency * 0)) for rule in SCALE_RULES], 1)
+    # the integer of each axis is within half a step, half a unit of rounding apart; decoding rounds to float32
+    assert (np.abs(decoded - log_scale) <= (step / 2 + 2.5) * 2.0**-12 + FLOAT32_ROUNDING * np.abs(log_scale)).all()
+
+
+@given(counts_lists, st.floats(0.0, 90.0), st.integers(0, 50))
+def test_position(counts, spread, seed):
+    layout = layout_of(counts, seed)
+    position = np.random.default_rng(seed).normal(0, spread, (sum(counts), 3)).astype(np.float32)
+    classes = classes_for(sum(counts), seed)
+    data, expected = encode_position(layout, position, classes, POSITION_RULE)
+    decoded = decode_position(reader(data), layout, classes)
+    assert np.array_equal(decoded, (expected * 2.0**-16).astype(np.float32))
+    exponent = np.clip(POSITION_RULE.base + POSITION_RULE.shift(classes) - layout.triangle_size, 0, 47)
+    bound = (STEPS[exponent] / 2 + 1) * 2.0**-16
+    assert (np.abs(decoded - position) <= bound[:, None] + FLOAT32_ROUNDING * np.abs(position)).all()
+
+
+@given(counts_lists, st.integers(0, 50))
+def test_rotation(counts, seed):
+    layout = layout_of(counts, seed)
+    quaternion = np.random.default_rng(seed).normal(0, 1, (sum(counts), 4))
+    quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
+    classes = classes_for(sum(counts), seed)
+    data, expected = encode_rotation(layout, quaternion, classes, ROTATION_RULE)
+    decoded = decode_rotation(reader(data), layout, classes)
+    assert np.allclose(np.linalg.norm(decoded, axis=1), 1, atol=FLOAT32_ROUNDING)
+    bound = (ROTATION_RULE.steps(classes) / 2 + 1) * 2.0**-14
+    assert (np.abs(expected * 2.0**-14 - rotation_vector(quaternion)) <= bound[:, None]).all()
+
+
+@given(st.integers(0, 200), st.booleans())
+def test_sorting_axes_leaves_the_gaussian_as_it_is(seed, ties):
+    """Oracle: SciPy's rotation matrices; the covariance R diag(s^2) R^T must not change."""
+    rng = np.random.default_rng(seed)
+    log_scale = rng.integers(-2, 2, (6, 3)).astype(np.float64) if ties else rng.normal(-1, 1, (6, 3))
+    quaternion = rng.normal(0, 1, (6, 4))
+    sorted_scale, turned = sort_axes(log_scale, quaternion)
+    vector = rotation_vector(turned)
+    chosen = np.concatenate([np.sqrt(1 - (vector**2).sum(axis=1, keepdims=True)), vector], axis=1)
+    assert (chosen[:, 0] >= 0.5 - ANGLE_TOLERANCE).all()
+    assert (np.diff(sorted_scale, axis=1) <= 0).all()
+
+    def covariance(scale: np.ndarray, wxyz: np.ndarray) -> np.ndarray:
+        matrix = Rotation.from_quat(wxyz, scalar_first=True).as_matrix()
+        return np.einsum("nij,nj,nkj->nik", matrix, np.exp(2 * scale), matrix)
+
+    before = covariance(log_scale, quaternion)
+    for after in (covariance(sorted_scale, turned), covariance(sorted_scale, chosen)):
+        assert np.allclose(before, after, atol=ANGLE_TOLERANCE * np.abs(before).max())
+
+
+def test_a_quaternion_of_length_zero_counts_as_no_rotation():
+    _, turned = sort_axes(np.zeros((1, 3)), np.zeros((1, 4)))
+    assert np.array_equal(turned, [[1, 0, 0, 0]])
+
+
+@given(counts_lists, st.integers(0, 50))
+def test_colour(counts, seed):
+    layout = layout_of(counts, seed)
+    sh_dc = np.random.default_rng(seed).normal(0, 1, (sum(counts), 3)).astype(np.float32)
+    classes = classes_for(sum(counts), seed)
+    data, expected = encode_colour(layout, sh_dc, classes, COLOUR_RULES)
+    assert np.array_equal(decode_colour(reader(data), layout, classes), yuv_to_rgb(expected))
+
+
+@pytest.mark.parametrize("n_harmonics", [3, 8, 15])
+@pytest.mark.parametrize("n", [0, 1, 50])
+def test_harmonics(n, n_harmonics):
+    sh_rest = np.random.default_rng(n).laplace(0, 0.1, (n, n_harmonics, 3)).astype(np.float32)
+    classes = classes_for(n)
+    data, expected = encode_harmonics(sh_rest, classes, HARMONIC_RULES, 0.18)
+    assert np.array_equal(decode_harmonics(reader(data), n, n_harmonics, classes), yuv_to_rgb(expected))
+
+
+@given(st.integers(0, 40), st.integers(0, 30), st.integers(0, 50))
+def test_static(n_shape, n_offsets, seed):
+    rng = np.random.default_rng(seed)
+    shape = rng.normal(0, 2, n_shape).astype(np.float32)
+    offset = rng.normal(0, 1e-3, (n_offsets, 3)).astype(np.float32)
+    shape_back, offset_back = decode_static(reader(encode_static(shape, offset, 0.01, 1e-4)), n_shape, n_offsets)
+    assert np.abs(shape_back - shape).max(initial=0) <= 0.005 * (1 + FLOAT32_ROUNDING) + FLOAT32_ROUNDING * 10
+    assert np.abs(offset_back - offset).max(initial=0) <= 5e-5 * (1 + FLOAT32_ROUNDING) + FLOAT32_ROUNDING
+
+
+@given(st.integers(-(10**9), 10**9), st.integers(0, 30), st.floats(0, 0.4))
+def test_quantise_takes_the_nearest_level_but_for_the_dead_zone(residual, exponent, dead_zone):
+    step = int(STEPS[exponent])
+    level = int(quantise(np.array([[residual]]), np.array([[step]]), dead_zone)[0, 0])
+    magnitude = Decimal(abs(residual)) / step
+    assert abs(level) <= magnitude + Decimal("0.5")
+    assert abs(level) > magnitude - Decimal("0.5") - Decimal(dead_zone) - Decimal("1e-9")
+
+
+def test_half_octaves_of_size():
+    """Doubling both larger scales moves the class by two."""
+    log_scale = np.log([[1.0, 1.0, 0.1], [2.0, 2.0, 0.1], [4.0, 1.0, 0.1]])
+    classes = classes_of(np.zeros(3, np.int64), np.rint(log_scale * 4096).astype(np.int64))
+    assert np.abs(classes.size - [0, 2, 2]).max() <= 1
+    assert np.abs(classes.elongation - [0, 0, 4]).max() <= 1
+
+
+@pytest.mark.parametrize(
+    "bad", [StepRule(0, 0, 0, 0, -1, 0, 0), StepRule(0, 0, 0, 0, 0, 1, 47), StepRule(0, 0, 0, 0, 2, 1, 5)]
+)
+def test_rules_outside_the_table_are_refused(bad):
+    with pytest.raises(FormatError, match="steps reach"):
+        StepRule.unpack(reader(bad.pack()))
