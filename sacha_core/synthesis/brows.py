@@ -22,8 +22,8 @@ BROW_LINE = np.array(
         [0.44, 0.290, 0.012],
     ]
 )
-N_BROW = 150  # strands of one brow
-BROW_LENGTH_M, BROW_RADIUS_M = 0.0085, 0.00042
+N_BROW = 190  # strands of one brow
+BROW_LENGTH_M, BROW_RADIUS_M = 0.0080, 0.00034
 UPPER_LASHES, LOWER_LASHES = 34, 14
 UPPER_LENGTH_M, LOWER_LENGTH_M, LASH_RADIUS_M = 0.0058, 0.0024, 0.00022
 
@@ -79,7 +79,7 @@ def grow_brows(
     tone = rng.uniform(0.8, 1.1, (len(start), 1, 1))
     normal = np.broadcast_to(out[:, None], shape)
     return Strands(
-        root_face, points, radii, np.broadcast_to(tone * colour * 0.75, shape), normal, np.full(shape[:2], 0.85)
+        root_face, points, radii, np.broadcast_to(tone * colour * 0.9, shape), normal, np.full(shape[:2], 0.85)
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from sacha_core.flame.model import HeadModel
 from sacha_core.synthesis.landmarks import Landmarks
@@ -16,6 +16,7 @@ __all__ = ["HairStyle", "grow_hair"]
 N_STEPS = 24  # of tracing a strand, before it is resampled
 GRID = (48, 96)  # of the skull's radius by direction
 N_CLUMPS = 260
+BELOW_SCALP = 0.2  # how far the hairline reaches down the forehead, in distances between the eyes
 PARTING_WIDTH_M = 0.05  # over which the hair reaches its full height
 
 
@@ -113,7 +114,7 @@ def grow_hair(
         style: cut and comb.
         rng: of chance.
     """
-    faces, roots = scatter(head, vertices, style.n_strands, rng)
+    faces, roots = scatter(head, vertices, landmarks, style.n_strands, rng)
     grown = rng.uniform(size=len(roots)) < above_hairline(roots, landmarks) ** 2
     faces, roots = faces[grown], roots[grown]
     scalp = vertices[head.masks["scalp"]]
@@ -162,15 +163,23 @@ def smooth(t: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     return risen
 
 
-def scatter(
-    head: HeadModel, vertices: Float[np.ndarray, "v 3"], n: int, rng: np.random.Generator
-) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
-    """Give n places on the scalp, evenly by area: their triangles and points."""
+def hairy(head: HeadModel, vertices: Float[np.ndarray, "v 3"], landmarks: Landmarks) -> Bool[np.ndarray, " v"]:
+    """Say where on the mesh hair can grow: on the scalp, and on the uppermost forehead, where FLAME's mask of it is bald."""
     grows = np.zeros(head.n_vertices, bool)
     grows[head.masks["scalp"]] = True
     for name in ("neck", "left_ear", "right_ear", "boundary"):
         grows[head.masks[name]] = False
-    candidates = np.flatnonzero(grows[head.faces].all(axis=1))
+    forehead = head.masks["forehead"]
+    hairline = vertices[forehead, 1].max() - BELOW_SCALP * landmarks.spacing
+    grows[forehead[vertices[forehead, 1] > hairline]] = True
+    return grows
+
+
+def scatter(
+    head: HeadModel, vertices: Float[np.ndarray, "v 3"], landmarks: Landmarks, n: int, rng: np.random.Generator
+) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
+    """Give n places on the scalp, evenly by area: their triangles and points."""
+    candidates = np.flatnonzero(hairy(head, vertices, landmarks)[head.faces].all(axis=1))
     corners = vertices[head.faces[candidates]]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     shares = (np.arange(n) + rng.uniform(size=n)) / n  # one in each n-th of the area

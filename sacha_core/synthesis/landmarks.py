@@ -19,6 +19,7 @@ NEEDED_MASKS = (
     "right_eye_region",
     "left_ear",
     "right_ear",
+    "forehead",
     "lips",
     "nose",
     "scalp",

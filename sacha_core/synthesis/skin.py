@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from sacha_core.flame.model import HeadModel
-from sacha_core.synthesis.hair import above_hairline
+from sacha_core.synthesis.brows import BROW_LINE
+from sacha_core.synthesis.hair import above_hairline, hairy
 from sacha_core.synthesis.kernels.shading import noise_at
 from sacha_core.synthesis.landmarks import Landmarks
 from sacha_core.synthesis.palette import Palette, linear
@@ -74,6 +75,7 @@ def paint_surface(
     painter.lips()
     painter.inside()
     painter.scalp()
+    painter.brows()
     painter.teeth_and_eyes()
     return painter.dressed()
 
@@ -165,11 +167,23 @@ class Painter:
 
     def scalp(self) -> None:
         """Darken the skin under the hair, with a soft hairline."""
-        scalp = self.mask("scalp") * (1 - self.mask("neck", "left_ear", "right_ear"))
+        rest = self.points[: self.head.n_vertices]
+        scalp = self.fine.interpolate(hairy(self.head, rest, self.marks).astype(np.float64))
         scalp *= above_hairline(self.points, self.marks)
         ragged = scalp + 0.18 * noise_at(self.points, 160.0) * scalp * (1 - scalp) * 4
         self.mix(0.92 * step(0.35, 0.95, ragged), self.palette.hair * 0.7)
         self.gloss -= 0.25 * step(0.3, 0.9, scalp)
+
+    def brows(self) -> None:
+        """Shade the skin under the brows, which are too thin to cover it."""
+        for eye, side in zip(self.marks.eyes, (1, -1), strict=True):
+            outwards = side * (self.points[:, 0] - eye[0]) / self.marks.spacing
+            up = (self.points[:, 1] - eye[1]) / self.marks.spacing
+            line, half = (np.interp(outwards, BROW_LINE[:, 0], BROW_LINE[:, k]) for k in (1, 2))
+            ends = step(BROW_LINE[0, 0] - 0.03, BROW_LINE[0, 0] + 0.03, outwards)
+            ends *= 1 - step(BROW_LINE[-1, 0] - 0.03, BROW_LINE[-1, 0] + 0.02, outwards)
+            front = self.points[:, 2] > eye[2]
+            self.mix(0.5 * ends * front * np.exp(-(((up - line) / half) ** 2)), self.palette.hair)
 
     def teeth_and_eyes(self) -> None:
         """Paint teeth; eyeballs are painted where they are seen."""
