@@ -9,10 +9,23 @@ from jaxtyping import Float
 
 __all__ = ["Palette", "draw_palette", "linear"]
 
-# sRGB bytes.
-SKINS = ((226, 182, 158), (236, 196, 174), (203, 152, 121), (168, 115, 86), (120, 78, 56))
-HAIRS = ((86, 58, 40), (52, 38, 31), (128, 88, 52), (150, 112, 70), (108, 52, 30), (34, 29, 28))
-IRISES = ((92, 122, 148), (104, 124, 92), (112, 78, 46), (76, 50, 34), (110, 112, 108))
+# sRGB bytes. Each skin with the hair and the irises that often go with it; seed 0 has the first of each.
+BROWN, DARK, HAZEL, BLOND, RED, BLACK = (
+    (86, 58, 40),
+    (52, 38, 31),
+    (128, 88, 52),
+    (158, 122, 78),
+    (122, 60, 36),
+    (34, 29, 28),
+)
+BLUE, GREEN, AMBER, UMBER, GREY = (92, 122, 148), (104, 124, 92), (112, 78, 46), (76, 50, 34), (110, 112, 108)
+COMPLEXIONS = (
+    ((226, 182, 158), (BROWN, HAZEL, BLOND, DARK), (BLUE, GREEN, AMBER, GREY)),
+    ((236, 196, 174), (RED, BLOND, BROWN), (GREEN, BLUE, GREY)),
+    ((203, 152, 121), (DARK, BLACK, BROWN), (UMBER, AMBER, GREEN)),
+    ((168, 115, 86), (BLACK, DARK), (UMBER, AMBER)),
+    ((124, 83, 61), (BLACK, DARK), (UMBER,)),
+)
 CLOTHS = ((44, 84, 104), (112, 44, 52), (58, 70, 62), (74, 70, 96), (150, 138, 118))
 
 
@@ -41,7 +54,9 @@ def linear(srgb: tuple[int, int, int]) -> Float[np.ndarray, "3"]:
 
 
 def draw_palette(seed: int) -> Palette:
-    """Give the colours that belong to a seed; seed 0 has the first of each list."""
+    """Give the colours that belong to a seed."""
     rng = np.random.default_rng(seed)
-    picks = [linear(shades[rng.integers(len(shades)) if seed else 0]) for shades in (SKINS, HAIRS, IRISES, CLOTHS)]
-    return Palette(*picks)
+    row, hair, iris, cloth = rng.uniform(size=4) if seed else np.zeros(4)
+    skin, hairs, irises = COMPLEXIONS[int(row * len(COMPLEXIONS))]
+    shades = (skin, hairs[int(hair * len(hairs))], irises[int(iris * len(irises))], CLOTHS[int(cloth * len(CLOTHS))])
+    return Palette(*(linear(shade) for shade in shades))

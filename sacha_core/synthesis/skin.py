@@ -151,7 +151,7 @@ class Painter:
         """Paint the lips, with their fine upright lines."""
         lips = self.mask("lips")
         lines = noise_at(self.points * (1.0, 0.12, 0.3), 900.0)
-        colour = self.palette.skin * (0.82, 0.42, 0.45) + np.array([0.02, 0.0, 0.0])
+        colour = self.palette.skin * (0.84, 0.47, 0.49)
         self.mix(0.85 * step(0.25, 0.85, lips), colour)
         self.tint(lips * lines, (0.94, 0.92, 0.92))
         self.gloss += 0.25 * lips

@@ -176,7 +176,7 @@ def paint_surface_sample(vertex, kind, iris, shirt, albedo):
     pore = noise(rest[0] * f32(520), rest[1] * f32(520), rest[2] * f32(520))
     for k in range(3):
         albedo[k] *= f32(1) + f32(0.035) * pore
-    strength = (f32(0.25) + f32(0.9) * vertex[GLOSS]) * (f32(1) + f32(0.2) * pore)
+    strength = (f32(0.15) + f32(0.75) * vertex[GLOSS]) * (f32(1) + f32(0.2) * pore)
     if kind == CLOTH:
         strength *= f32(1) - f32(0.8) * paint_shirt(rest, shirt, albedo)
     return vertex[GLOSS], strength
