@@ -1,16 +1,18 @@
-"""Options that several commands share."""
+"""Options that several commands share, and how they are checked."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
-from sacha_core.errors import OptionError
+from sacha_core.errors import FormatError, OptionError
 
-__all__ = ["Common", "FileOption", "HeadSource", "ImageSize", "require_positive"]
+__all__ = ["Common", "FileOption", "HeadSource", "ImageSize", "PixelsOption", "naming", "require_positive"]
 
 FileOption = Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")]
 PixelsOption = Annotated[int | None, tyro.conf.arg(metavar="PIXELS", help_behavior_hint="")]
@@ -58,3 +60,14 @@ def require_positive(**options: float | None) -> None:
     for name, value in options.items():
         if value is not None and not value > 0:
             raise OptionError(f"--{name.replace('_', '-')} is {value:g}, expected more than 0")
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Put the name of the file before what is wrong with it."""
+    try:
+        yield
+    except FormatError as error:
+        if str(path) in str(error):
+            raise
+        raise FormatError(f"{path}: {error}") from error

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from sacha_core.cli.common import Common
+from sacha_core.cli.common import Common, naming
 from sacha_core.cli.console import Console, kilobytes, table
 
 if TYPE_CHECKING:
@@ -51,7 +51,6 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         FormatError: it is damaged or no such file.
         OSError: it cannot be read.
     """
-    from sacha_core.cli.sources import naming
     from sacha_core.codec import inspect
 
     with naming(options.file):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -11,9 +9,9 @@ from typing import Literal
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
-from sacha_core.cli.common import HeadSource
-from sacha_core.codec import decode, embedded_head
-from sacha_core.errors import FormatError, HeadError
+from sacha_core.cli.common import HeadSource, naming
+from sacha_core.codec import decode, embedded_head, inspect
+from sacha_core.errors import HeadError
 from sacha_core.flame.model import HeadModel, HeadReference
 from sacha_core.flame.open import attach_masks, open_head
 from sacha_core.flame.shelf import find_head, remember
@@ -22,7 +20,7 @@ from sacha_core.interchange.gaussian_avatars import read_model
 from sacha_core.interchange.motion_file import read_motion
 from sacha_core.interchange.splat_ply import read_bound_ply
 
-__all__ = ["Opened", "capture_head", "named_head", "naming", "open_avatar", "open_motion"]
+__all__ = ["Opened", "capture_head", "named_head", "open_avatar", "open_motion"]
 
 
 @dataclass(frozen=True)
@@ -96,9 +94,8 @@ def open_motion(path: Path, head: HeadModel) -> Motion:
 
 def _open_sacha(path: Path, source: HeadSource) -> Opened:
     with naming(path):
-        avatar = decode(path)
-        embedded = embedded_head(path)
-    return Opened(avatar, _found(avatar.head, source, None, embedded), "sacha")
+        head = _found(inspect(path).head, source, None, embedded_head(path))
+        return Opened(decode(path, head=head), head, "sacha")
 
 
 def _open_model(path: Path, source: HeadSource) -> Opened:
@@ -138,14 +135,3 @@ def _found(reference: HeadReference, source: HeadSource, beside: Path | None, em
         head = attach_masks(head, source.masks)
     remember(head)
     return head
-
-
-@contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Put the name of the file before what is wrong with it."""
-    try:
-        yield
-    except FormatError as error:
-        if str(path) in str(error):
-            raise
-        raise FormatError(f"{path}: {error}") from error

@@ -81,4 +81,5 @@ def region_colours(gaussians: Gaussians, head: HeadModel, scheme: RegionScheme =
         HeadError: the head has no masks, so its regions are not known.
     """
     palette = np.array(scheme.colours, np.float32) / 255
-    return palette[label_triangles(head, scheme)[gaussians.binding]]
+    colours: np.ndarray = palette[label_triangles(head, scheme)[gaussians.binding]]
+    return colours

@@ -14,7 +14,7 @@ from sacha_core.interchange.splat_ply import read_bound_ply
 
 pytestmark = pytest.mark.real_data
 
-LIKENESS = 33.0  # dB between pictures before and after level 2 over the whole image; measured 39
+LIKENESS = 29.0  # dB between whole pictures before and after level 2: measured 31.0; level 1 gives 24.7
 
 
 @pytest.fixture(scope="module")
