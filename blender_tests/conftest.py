@@ -23,7 +23,7 @@ class Material:
     """What the engine's own functions say, for the add-on to be compared with.
 
     Args:
-        folder: holds avatar.sacha, avatar.ply, motion.npz, head.npz, head.obj, head.ply.
+        folder: holds avatar.sacha, avatar.ply, head.npz, head.obj, head.ply, and stranger.sacha with stranger.npz.
         truth: arrays of `make_material.py`, which see.
         told: what cannot be said by arrays.
     """

@@ -27,6 +27,7 @@ from sacha_core.regions.scheme import PAPER
 SEED = 20
 N_FRAMES = 3
 LARGEST_COUNT = 40
+STRANGERS_SIZE = np.float32(1.01)  # another head than the one its avatar could be opened with by name
 
 
 def make_avatar(head: HeadModel, rng: np.random.Generator) -> sacha_core.Avatar:
@@ -72,6 +73,10 @@ def main(folder: Path) -> None:
     save_head(head, folder / "head.npz")
     write_bound_ply(folder / "avatar.ply", avatar.gaussians)
     (folder / "avatar.sacha").write_bytes(sacha_core.encode(avatar, level=2, head=head))
+    stranger = replace(head, name="a stranger", v_template=STRANGERS_SIZE * head.v_template)
+    save_head(stranger, folder / "stranger.npz")
+    strangers = replace(avatar, head=stranger.reference)
+    (folder / "stranger.sacha").write_bytes(sacha_core.encode(strangers, level=2, head=stranger))
     mesh_vertices = (head.v_template + rng.normal(0, 1e-4, head.v_template.shape)).astype(np.float32)
     write_meshes(folder, head, mesh_vertices)
 

@@ -51,6 +51,17 @@ def test_decoding_the_active_avatar_gives_the_same_ply_as_the_shell(
         assert (tmp_path / f"ours.{name}").read_bytes() == (tmp_path / f"shell.{name}").read_bytes()
 
 
+def test_decoding_takes_the_head_of_the_scene(addon: ModuleType, material: Material, tmp_path: Path) -> None:
+    target = tmp_path / "stranger.ply"
+    bpy.context.scene.sacha.head = str(material.folder / "head.npz")
+    with pytest.raises(RuntimeError, match="another one"):
+        bpy.ops.sacha.decode(source=str(material.folder / "stranger.sacha"), filepath=str(target))
+    assert not target.exists()
+    bpy.context.scene.sacha.head = str(material.folder / "stranger.npz")
+    bpy.ops.sacha.decode(source=str(material.folder / "stranger.sacha"), filepath=str(target))
+    assert target.stat().st_size > 0
+
+
 def test_there_and_back_keeps_every_gaussian_on_its_triangle(
     opened: bpy.types.Object, material: Material, tmp_path: Path
 ) -> None:

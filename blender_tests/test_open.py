@@ -202,6 +202,18 @@ def test_a_missing_file_and_a_missing_head_are_named(addon: ModuleType, material
         bpy.ops.sacha.open(filepath=str(material.folder / "avatar.ply"), head="/nowhere/head.npz")
 
 
+def test_an_avatar_whose_head_is_unknown_names_it_and_opens_once_it_is_given(
+    addon: ModuleType, material: Material
+) -> None:
+    avatar, head = str(material.folder / "stranger.sacha"), str(material.folder / "stranger.npz")
+    with pytest.raises(RuntimeError, match=r"'a stranger'.*--head"):
+        bpy.ops.sacha.open(filepath=avatar)
+    with pytest.raises(RuntimeError, match="is not the head that the avatar is bound to"):
+        bpy.ops.sacha.open(filepath=avatar, head=str(material.folder / "head.npz"))
+    bpy.ops.sacha.open(filepath=avatar, head=head)
+    assert bpy.context.object.data.sacha.head == "a stranger"
+
+
 def test_another_heads_mesh_is_refused(addon: ModuleType, material: Material, tmp_path: Path) -> None:
     lines = (material.folder / "head.obj").read_text().splitlines()
     faces = [i for i, line in enumerate(lines) if line.startswith("f ")]
