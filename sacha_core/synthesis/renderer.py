@@ -12,7 +12,7 @@ from sacha_core.synthesis.kernels.shading import shade_image
 from sacha_core.synthesis.kernels.surface import project, widen_strands
 from sacha_core.synthesis.kernels.triangles import rasterise
 
-__all__ = ["Renderer", "Scene"]
+__all__ = ["Renderer", "Scene", "ribbon_faces"]
 
 NEAR_M = 0.1  # what is closer to the camera is not drawn
 ENCODE_STEPS = 4096
@@ -24,11 +24,11 @@ class Scene:
 
     Args:
         points: (p, 3) float32 vertices of the surface, metres.
-        faces: (f, 3) int32 into `points`.
         strand_points: (s * m, 3) float32 points of s strands.
         strand_radii: (s * m,) float32 half widths there, metres.
         points_per_strand: m.
-        kinds: (f + 2 s (m - 1),) uint8, kind of each triangle: those of the surface, then those of the strands.
+        faces: (g, 3) int32: triangles between `points`, then those of ribbons, whose vertices (two for each strand point) come after.
+        kinds: (g,) uint8, kind of each triangle.
         table: (p + s m, 17) float32, what is known of each vertex and strand point; columns as in `kernels.shading`.
         lamps: (l, 7) float32 unit direction, colour and sharpness.
         iris: (5,) float32 colour, sine of its border's angle and of the pupil's.
@@ -37,10 +37,10 @@ class Scene:
     """
 
     points: Float[np.ndarray, "p 3"]
-    faces: Int[np.ndarray, "f 3"]
     strand_points: Float[np.ndarray, "q 3"]
     strand_radii: Float[np.ndarray, " q"]
     points_per_strand: int
+    faces: Int[np.ndarray, "g 3"]
     kinds: UInt8[np.ndarray, " g"]
     table: Float[np.ndarray, "r 17"]
     lamps: Float[np.ndarray, "l 7"]
@@ -74,6 +74,8 @@ class Renderer:
         self.encode = srgb_bytes()
         self.ids = np.empty((0, 0), np.int32)
         self.depth = np.empty((0, 0), np.float32)
+        self.screen = np.empty((0, 2), np.int32)
+        self.inverse_depth = np.empty(0, np.float32)
 
     def draw(self, scene: Scene, camera: Camera) -> tuple[UInt8[np.ndarray, "h w 3"], UInt8[np.ndarray, "h w"]]:
         """Draw one picture.
@@ -85,14 +87,14 @@ class Renderer:
         Returns:
             The image, sRGB on white, and the mask of what is not background.
         """
-        faces = self.visible(scene, camera)
+        self.find_visible(scene, camera)
         image = np.empty((camera.height, camera.width, 3), np.uint8)
         mask = np.empty((camera.height, camera.width), np.uint8)
         shade_image(
             self.ids,
             self.screen,
             self.inverse_depth,
-            faces,
+            scene.faces,
             scene.kinds,
             len(scene.points),
             scene.table,
@@ -107,8 +109,8 @@ class Renderer:
         )
         return image, mask
 
-    def visible(self, scene: Scene, camera: Camera) -> Int[np.ndarray, "g 3"]:
-        """Fill `ids` and `depth` with the nearest triangle of each sample, and return all triangles."""
+    def find_visible(self, scene: Scene, camera: Camera) -> None:
+        """Fill `ids` and `depth` with the nearest triangle of each sample, `screen` and `inverse_depth` with all vertices."""
         shape = (camera.height * self.supersample, camera.width * self.supersample)
         if self.ids.shape != shape:
             self.ids, self.depth = np.empty(shape, np.int32), np.empty(shape, np.float32)
@@ -117,8 +119,9 @@ class Renderer:
         sampled = camera.resized(shape[1], shape[0])
         lens = (sampled.rotation, sampled.translation, sampled.fx, sampled.fy, sampled.cx, sampled.cy, NEAR_M)
         n_surface, n_strand_vertices = len(scene.points), 2 * len(scene.strand_points)
-        self.screen = np.empty((n_surface + n_strand_vertices, 2), np.int32)
-        self.inverse_depth = np.empty(len(self.screen), np.float32)
+        if len(self.screen) != n_surface + n_strand_vertices:
+            self.screen = np.empty((n_surface + n_strand_vertices, 2), np.int32)
+            self.inverse_depth = np.empty(len(self.screen), np.float32)
         project(scene.points, *lens, self.screen[:n_surface], self.inverse_depth[:n_surface])
         widen_strands(
             scene.strand_points,
@@ -128,8 +131,4 @@ class Renderer:
             self.screen[n_surface:],
             self.inverse_depth[n_surface:],
         )
-        n_strands = len(scene.strand_points) // scene.points_per_strand
-        ribbons = ribbon_faces(n_strands, scene.points_per_strand, n_surface)
-        faces = np.concatenate([scene.faces, ribbons])
-        rasterise(self.screen, self.inverse_depth, faces, 0, self.ids, self.depth)
-        return faces
+        rasterise(self.screen, self.inverse_depth, scene.faces, 0, self.ids, self.depth)

@@ -26,7 +26,7 @@ from sacha_core.synthesis.kernels.shading import (
 from sacha_core.synthesis.landmarks import find_landmarks
 from sacha_core.synthesis.light import STUDIO, Shadows, Studio
 from sacha_core.synthesis.palette import draw_palette
-from sacha_core.synthesis.renderer import Scene
+from sacha_core.synthesis.renderer import Scene, ribbon_faces
 from sacha_core.synthesis.skin import paint_surface
 from sacha_core.synthesis.strands import joined
 from sacha_core.synthesis.surface import subdivide
@@ -87,6 +87,8 @@ class Subject:
         self.iris = np.array(
             [*palette.iris, *(r / marks.eye_radii.mean() for r in (IRIS_RADIUS_M, PUPIL_RADIUS_M))], np.float32
         )
+        ribbons = ribbon_faces(len(self.strands), m, len(points))
+        self.all_faces = np.concatenate([self.fine.faces[-1], ribbons])
         self.fixed, self.kinds = self.fixed_table(head, points, marks.eyes)
 
     def fixed_table(
@@ -101,8 +103,7 @@ class Subject:
         table[:w, REST : REST + 3] = points
         table[w:, ALBEDO : ALBEDO + 3] = self.strands.albedo.reshape(-1, 3)
         table[w:, OPACITY] = 1
-        n_ribbons = 2 * (self.strands.radii.shape[1] - 1) * len(self.strands)
-        kinds = np.full(len(self.fine.faces[-1]) + n_ribbons, SKIN, np.uint8)
+        kinds = np.full(len(self.all_faces), SKIN, np.uint8)
         kinds[len(self.fine.faces[-1]) :] = HAIR
         clothed = self.coat.clothed[self.fine.faces[-1]].any(axis=1)
         kinds[: len(clothed)][clothed] = CLOTH
@@ -145,10 +146,10 @@ class Subject:
         table[w:, IRRADIANCE : IRRADIANCE + 3] = light * self.strands.exposure.reshape(-1, 1)
         return Scene(
             points,
-            self.fine.faces[-1],
             flat,
             self.strands.radii.reshape(-1).astype(np.float32),
             strands.shape[1],
+            self.all_faces,
             self.kinds,
             table,
             self.studio.lamp_table(),
