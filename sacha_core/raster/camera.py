@@ -23,6 +23,8 @@ class Camera:
         cy: principal point from the image's top edge, pixels.
         rotation: (3, 3) world to camera.
         translation: (3,) world to camera, metres: x_camera = rotation @ x_world + translation.
+        whole_view: x / z at the left and right and y / z at the top and bottom edge of the image that this is a crop of; None for no crop.
+            Splats far outside it are simplified, which must not depend on the crop.
     """
 
     width: int
@@ -33,6 +35,7 @@ class Camera:
     cy: float
     rotation: Float[np.ndarray, "3 3"]
     translation: Float[np.ndarray, "3"]
+    whole_view: tuple[float, float, float, float] | None = None
 
     @property
     def centre(self) -> Float[np.ndarray, "3"]:
@@ -40,9 +43,18 @@ class Camera:
         centre: np.ndarray = -self.rotation.T @ self.translation
         return centre
 
+    @property
+    def edges(self) -> tuple[float, float, float, float]:
+        """X / z at the left and right edge and y / z at the top and bottom edge, of the whole image where this is a crop."""
+        if self.whole_view is not None:
+            return self.whole_view
+        left, top = -self.cx / self.fx, -self.cy / self.fy
+        return left, left + self.width / self.fx, top, top + self.height / self.fy
+
     def crop(self, left: int, top: int, width: int, height: int) -> Camera:
-        """Give the camera of a rectangle of the image."""
-        return replace(self, width=width, height=height, cx=self.cx - left, cy=self.cy - top)
+        """Give the camera of a rectangle of the image; what it shows is that part of the image, to the bit."""
+        cx, cy = self.cx - left, self.cy - top
+        return replace(self, width=width, height=height, cx=cx, cy=cy, whole_view=self.edges)
 
     def resized(self, width: int, height: int) -> Camera:
         """Give the camera of the same view at another resolution."""

@@ -25,19 +25,21 @@ def view_parameters(camera: Camera, near: float) -> Float[np.ndarray, " k"]:
     """
     if not (1 <= camera.width <= MAX_SIDE and 1 <= camera.height <= MAX_SIDE):
         raise OptionError(f"the image is {camera.width} x {camera.height} pixels, expected 1 to {MAX_SIDE} a side")
+    if not (np.isfinite([camera.fx, camera.fy]).all() and camera.fx > 0 and camera.fy > 0):
+        raise OptionError(f"the focal lengths are {camera.fx} and {camera.fy}, expected finite numbers above 0")
     view = np.zeros(layout.VIEW)
     view[layout.V_ROTATION : layout.V_ROTATION + 9] = np.ravel(camera.rotation)
     view[layout.V_TRANSLATION : layout.V_TRANSLATION + 3] = camera.translation
     view[[layout.V_FX, layout.V_FY]] = camera.fx, camera.fy
-    view[layout.V_X_MIN] = -(camera.cx + SLACK * camera.width) / camera.fx
-    view[layout.V_X_MAX] = (camera.width - camera.cx + SLACK * camera.width) / camera.fx
-    view[layout.V_Y_MIN] = -(camera.cy + SLACK * camera.height) / camera.fy
-    view[layout.V_Y_MAX] = (camera.height - camera.cy + SLACK * camera.height) / camera.fy
+    left, right, top, bottom = camera.edges
+    slack_x, slack_y = SLACK * (right - left), SLACK * (bottom - top)
+    view[[layout.V_X_MIN, layout.V_X_MAX]] = left - slack_x, right + slack_x
+    view[[layout.V_Y_MIN, layout.V_Y_MAX]] = top - slack_y, bottom + slack_y
     view[layout.V_NEAR] = near
     view[[layout.V_CX, layout.V_CY]] = camera.cx, camera.cy
     view[[layout.V_WIDTH, layout.V_HEIGHT]] = camera.width, camera.height
-    if not np.isfinite(view).all() or camera.fx <= 0 or camera.fy <= 0:
-        raise OptionError("a parameter of the camera is not finite, or a focal length is not positive")
+    if not np.isfinite(view).all():
+        raise OptionError("the camera's principal point, rotation or translation is not finite")
     return view.astype(np.float32)
 
 

@@ -78,3 +78,137 @@ def test_gradients_are_those_of_automatic_differentiation(
     for name in NAMES:
         error = np.abs(getattr(gradients, name) - expected[name]).max() / np.abs(expected[name]).max()
         assert error < GRADIENT, f"{name}: {error}"
+
+
+def test_gradients_are_finite_differences_of_the_oracle(rasteriser: Rasteriser) -> None:
+    """Automatic differentiation of the oracle could be wrong in the way the kernel is: move parameters and look."""
+    splats, view, background = scene(31, 12, 2, 0.06), camera(20, 18, 25.0), np.array([1.0, 0.2])
+    frame = rasteriser.forward(splats, view, background)
+    depths = frame.bins.projection.depths[:12].copy()
+    upstream = np.random.default_rng(2).normal(size=frame.image.shape).astype(np.float32)
+    calm = draw(parameters(splats), view, background, depths).band > 1e-3
+    upstream *= calm
+    gradients = rasteriser.backward(frame, upstream)
+
+    def loss(name: str, at: tuple[int, ...], step: float) -> float:
+        leaves = parameters(splats)
+        leaves[name][at] += step
+        return float((draw(leaves, view, background, depths).image * torch.tensor(upstream)).sum())
+
+    rng = np.random.default_rng(3)
+    for name in NAMES:
+        gradient = getattr(gradients, name)
+        for _ in range(8):
+            at = tuple(int(rng.integers(side)) for side in gradient.shape)
+            numeric = (loss(name, at, 1e-6) - loss(name, at, -1e-6)) / 2e-6
+            assert abs(gradient[at] - numeric) < GRADIENT * max(np.abs(gradient).max(), 1), (name, at)
+
+
+def test_clamped_jacobian_of_splats_far_outside_the_image(rasteriser: Rasteriser) -> None:
+    view = camera(40, 30, 30.0)
+    splats = scene(41, 80, 3, 0.3, spread=0.5)
+    gradients, expected = compared_gradients(rasteriser, splats, view, np.ones(3), with_transmittance=False)
+    in_camera = splats.means @ view.rotation.T + view.translation
+    x = in_camera[:, 0] / in_camera[:, 2]
+    limit = (view.width - view.cx + 0.15 * view.width) / view.fx
+    assert ((x > limit) & (np.abs(gradients.scales).max(axis=1) > 0)).any()  # clamped ones take part
+    for name in NAMES:
+        error = np.abs(getattr(gradients, name) - expected[name]).max() / np.abs(expected[name]).max()
+        assert error < GRADIENT, f"{name}: {error}"
+
+
+def test_threads_do_not_change_a_bit() -> None:
+    splats, view, background = scene(51, 3000, 4, 0.01), camera(150, 130, 160.0), np.array([1, 1, 1, 0.0])
+    upstream = np.random.default_rng(1).normal(size=(4, 130, 150)).astype(np.float32)
+    results = []
+    for threads in (1, 2, 5):
+        own = Rasteriser(threads)
+        frame = own.forward(splats, view, background)
+        gradients = own.backward(frame, upstream)
+        weights = own.colour_weights(frame, upstream[:1])
+        results.append([frame.image, frame.transmittance, frame.visible, weights, *vars(gradients).values()])
+    for other in results[1:]:
+        assert all(np.array_equal(a, b) for a, b in zip(results[0], other, strict=True))
+
+
+def test_a_crop_is_that_part_of_the_image_to_the_bit(rasteriser: Rasteriser) -> None:
+    splats, view, background = scene(52, 500, 3, 0.01, 0.08), camera(120, 150, 150.0), np.ones(3)
+    whole = rasteriser.forward(splats, view, background).image.copy()
+    left, top, width, height = rasteriser.bounds(splats, view)
+    touched = (whole != 1).any(axis=0)
+    rows, columns = np.flatnonzero(touched.any(axis=1)), np.flatnonzero(touched.any(axis=0))
+    assert left <= columns[0]
+    assert columns[-1] < left + width <= 120
+    assert top <= rows[0]
+    assert rows[-1] < top + height <= 150
+    part = rasteriser.forward(splats, view.crop(left, top, width, height), background)
+    assert np.array_equal(part.image, whole[:, top : top + height, left : left + width])
+    part = rasteriser.forward(splats, view.crop(left + 5, top + 3, 33, 41), background)
+    assert np.array_equal(part.image, whole[:, top + 3 : top + 44, left + 5 : left + 38])
+
+
+def test_gradients_of_a_crop_are_those_of_the_whole_where_the_rest_is_constant(rasteriser: Rasteriser) -> None:
+    splats, view, background = scene(53, 300, 3, 0.01, 0.05), camera(120, 150, 150.0), np.ones(3)
+    left, top, width, height = rasteriser.bounds(splats, view, margin=2)
+    upstream = np.random.default_rng(1).normal(size=(3, 150, 120)).astype(np.float32)
+    frame = rasteriser.forward(splats, view, background)
+    whole = {name: array.copy() for name, array in vars(rasteriser.backward(frame, upstream)).items()}
+    frame = rasteriser.forward(splats, view.crop(left, top, width, height), background)
+    part = rasteriser.backward(frame, upstream[:, top : top + height, left : left + width])
+    for name, array in whole.items():  # tiles lie otherwise, so sums are taken in another order
+        assert np.abs(getattr(part, name) - array).max() < GRADIENT * np.abs(array).max()
+
+
+def test_colour_weights_are_the_blending_weights(rasteriser: Rasteriser) -> None:
+    splats, view = scene(61, 50, 1, 0.05), camera(32, 32, 40.0)
+    frame = rasteriser.forward(splats, view, np.zeros(1))
+    oracle = draw(parameters(splats), view, np.zeros(1), frame.bins.projection.depths[:50])
+    pixel_weights = np.random.default_rng(1).uniform(0, 1, (6, 32, 32)).astype(np.float32)
+    pixel_weights[0] = 1
+    weights = rasteriser.colour_weights(frame, pixel_weights)
+    expected = np.einsum("nhw,mhw->nm", oracle.weights.numpy(), pixel_weights.astype(np.float64))
+    flips = FLIP * (oracle.band < BAND).sum()
+    assert np.abs(weights - expected).max() < GRADIENT * expected.max() + flips
+    assert weights[:, 0].sum() == pytest.approx(float((1 - frame.transmittance.astype(np.float64)).sum()), rel=GRADIENT)
+    by_colour = rasteriser.backward(frame, pixel_weights[2:3]).colours[:, 0]
+    assert np.abs(weights[:, 2] - by_colour).max() < GRADIENT * by_colour.max()
+
+
+def test_white_on_white_is_white(rasteriser: Rasteriser) -> None:
+    """Blending weights and transmittance add up to one: a theorem, in every pixel."""
+    splats = scene(62, 400, 3, 0.05)
+    splats = Splats(splats.means, splats.scales, splats.quaternions, splats.opacities, np.ones((400, 3), np.float32))
+    frame = rasteriser.forward(splats, camera(), np.ones(3))
+    assert np.abs(frame.image - 1).max() < PIXEL
+
+
+def test_equal_depths_keep_their_order(rasteriser: Rasteriser) -> None:
+    """Two splats in the same place: the first is in front."""
+    one, zero = np.ones((2, 3), np.float32), np.zeros((2, 3), np.float32)
+    colours = np.array([[1.0, 0, 0], [0, 1, 0]], np.float32)
+    splats = Splats(
+        zero, 0.1 * one, np.array([[1, 0, 0, 0]] * 2, np.float32), np.array([0.9, 0.9], np.float32), colours
+    )
+    front, back, _ = rasteriser.forward(splats, camera(), np.zeros(3)).image
+    assert front.max() == pytest.approx(0.9, abs=0.01)
+    assert np.abs(back - front * (1 - front)).max() < PIXEL
+
+
+def test_stops_when_nothing_behind_can_be_seen(rasteriser: Rasteriser) -> None:
+    n = 300
+    means = np.zeros((n, 3), np.float32)
+    means[:, 2] = np.linspace(0.1, -0.1, n)
+    splats = Splats(
+        means,
+        np.tile(np.array([1, 0.8, 0.6], np.float32), (n, 1)),
+        np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1)),
+        np.full(n, 0.9, np.float32),
+        np.random.default_rng(0).random((n, 3), np.float32),
+    )
+    view = camera(64, 64, 60.0)
+    frame = rasteriser.forward(splats, view, np.ones(3))
+    assert (frame.bins.done < frame.bins.start[1:]).all()
+    assert close_outside_band(frame, splats, np.ones(3)) < 0.01
+    gradients, expected = compared_gradients(rasteriser, splats, view, np.ones(3), with_transmittance=True)
+    for name in NAMES:
+        assert np.abs(getattr(gradients, name) - expected[name]).max() < GRADIENT * np.abs(expected[name]).max()

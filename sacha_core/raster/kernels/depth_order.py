@@ -11,6 +11,22 @@ PASSES = 3
 INFINITE = np.uint32(0x7F800000)
 
 
+@njit
+def distribute(source, target, n, depth_bits, digit, histogram):
+    """Move `n` indices to where the digit of their depth belongs; `histogram` holds how many there are of each."""
+    shift, base = np.uint32(digit * DIGIT), digit * BUCKETS
+    total = 0
+    for bucket in range(base, base + BUCKETS):
+        here = histogram[bucket]
+        histogram[bucket] = total
+        total += here
+    for k in range(n):
+        g = source[k]
+        bucket = base + ((depth_bits[g] >> shift) & np.uint32(BUCKETS - 1))
+        target[histogram[bucket]] = g
+        histogram[bucket] += 1
+
+
 @njit(cache=True, nogil=True)
 def sort_by_depth(depth_bits, n, order, swap, histogram):
     """Sort Gaussians front to back, those left out whose depth is infinite; equal depths stay in their order.
@@ -24,26 +40,20 @@ def sort_by_depth(depth_bits, n, order, swap, histogram):
 
     Returns:
         How many were sorted.
+
+    Source: least significant digit first radix sort, three digits of 11 bits.
     """
-    histogram[:] = 0
-    visible = 0
+    for bucket in range(PASSES * BUCKETS):
+        histogram[bucket] = 0
+    seen = 0
     for g in range(n):
         bits = depth_bits[g]
         if bits < INFINITE:
             for digit in range(PASSES):
                 histogram[digit * BUCKETS + ((bits >> np.uint32(digit * DIGIT)) & np.uint32(BUCKETS - 1))] += 1
-            order[visible] = g
-            visible += 1
-    source, target = order, swap
-    for digit in range(PASSES):
-        shift, base, total = np.uint32(digit * DIGIT), digit * BUCKETS, 0
-        for bucket in range(BUCKETS):
-            total, histogram[base + bucket] = total + histogram[base + bucket], total
-        for k in range(visible):
-            g = source[k]
-            bucket = base + ((depth_bits[g] >> shift) & np.uint32(BUCKETS - 1))
-            target[histogram[bucket]] = g
-            histogram[bucket] += 1
-        source, target = target, source
-    order[:visible] = source[:visible]
-    return visible
+            swap[seen] = g
+            seen += 1
+    distribute(swap, order, seen, depth_bits, 0, histogram)
+    distribute(order, swap, seen, depth_bits, 1, histogram)
+    distribute(swap, order, seen, depth_bits, 2, histogram)
+    return seen

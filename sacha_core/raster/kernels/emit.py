@@ -102,7 +102,8 @@ def emit(order, start, stop, records, words, view, columns, base, keys, histogra
     Returns:
         The number of keys, or -1 where there is no room.
     """
-    histogram[:] = 0
+    for tile in range(len(histogram)):
+        histogram[tile] = 0
     position = 0
     for k in range(start, stop):
         if k + AHEAD < stop:
