@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource, naming
+from sacha_core.cli.common import Common, FileOption, HeadSource
 from sacha_core.cli.console import Console, kilobytes
 from sacha_core.errors import OptionError
 
@@ -50,16 +50,14 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         SachaError: the file is damaged, or its head is needed and not to be found.
         OSError: a file cannot be read or written.
     """
-    from sacha_core.cli.sources import named_head
-    from sacha_core.codec import decode
+    from sacha_core.cli.sources import decode_file
     from sacha_core.files import write_aside
     from sacha_core.interchange.gaussian_avatars import write_flame_param, write_model
     from sacha_core.interchange.splat_ply import write_bound_ply
 
     if options.ply is None and options.motion is None and options.model is None:
         raise OptionError("expected --ply FILE, --motion FILE or --model FOLDER: where the avatar shall go")
-    with naming(options.file):
-        avatar = decode(options.file, head=named_head(options.head))
+    avatar = decode_file(options.file, options.head)
     if options.motion is not None and avatar.motion is None:
         raise OptionError(f"{options.file} has no motion that --motion could write")
     console.say(

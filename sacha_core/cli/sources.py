@@ -20,7 +20,7 @@ from sacha_core.interchange.gaussian_avatars import read_model
 from sacha_core.interchange.motion_file import read_motion
 from sacha_core.interchange.splat_ply import read_bound_ply
 
-__all__ = ["Opened", "capture_head", "named_head", "open_avatar", "open_motion"]
+__all__ = ["Opened", "capture_head", "decode_file", "named_head", "open_avatar", "open_motion"]
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,21 @@ def open_avatar(path: Path, source: HeadSource, motion: Path | None = None) -> O
     return replace(opened, avatar=replace(opened.avatar, motion=open_motion(motion, opened.head)))
 
 
+def decode_file(path: Path, source: HeadSource) -> Avatar:
+    """Decode a `.sacha` file; one that was made without its head needs none.
+
+    Raises:
+        FormatError: the file is damaged.
+        HeadError: its head is needed and not to be found, or the named one is another.
+        OSError: a file cannot be read.
+    """
+    with naming(path):
+        reference = inspect(path).head
+    head = None if source.head is None else _found(reference, source, None, None)
+    with naming(path):
+        return decode(path, head=head)
+
+
 def named_head(source: HeadSource) -> HeadModel | None:
     """Give the head that the user names, with the masks that the user names; None where no head is named.
 
@@ -94,7 +109,9 @@ def open_motion(path: Path, head: HeadModel) -> Motion:
 
 def _open_sacha(path: Path, source: HeadSource) -> Opened:
     with naming(path):
-        head = _found(inspect(path).head, source, None, embedded_head(path))
+        reference, embedded = inspect(path).head, embedded_head(path)
+    head = _found(reference, source, None, embedded)
+    with naming(path):
         return Opened(decode(path, head=head), head, "sacha")
 
 

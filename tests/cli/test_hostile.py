@@ -208,6 +208,9 @@ def test_an_avatar_whose_head_nobody_has(
     line = refused("render", alone, "-o", tmp_path / "unknown.png")
     assert "--head" in line
     assert "'rig'" in line
+    assert "'rig'" in refused("decode", alone, "--ply", tmp_path / "b.ply")
+    done("decode", alone, "--ply", tmp_path / "b.ply", "--head", rig)
+    shutil.rmtree(tmp_path / "heads")
     done("render", whole, "-o", tmp_path / "embedded.png", *size)
     assert (tmp_path / "embedded.png").read_bytes() == (tmp_path / "known.png").read_bytes()
     done("render", alone, "-o", tmp_path / "again.png", *size)  # that was remembered, too
