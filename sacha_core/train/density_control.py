@@ -60,7 +60,7 @@ def calibrate(state: TrainState, options: TrainOptions, regions: Regions, seen: 
     if density.by_region:
         bounds = (density.threshold_lowest, density.threshold_highest)
         state.thresholds = bounded(density.threshold, modulator, *bounds)
-    if pruning.scope == "regions":
+    if pruning.scope in {"regions", "weighted"}:
         state.ratios = bounded(pruning.ratio, modulator, pruning.ratio_lowest, pruning.ratio_highest)
     elif pruning.scope == "none":
         state.ratios = np.zeros(r)
@@ -120,6 +120,8 @@ def prune(state: TrainState, options: TrainOptions, regions: Regions, score: Flo
     if pruning.scope == "regions":
         chosen = lowest_of_each_region(score, of, state.ratios, state.binding, pruning.guard)
     else:
+        if pruning.scope == "weighted":
+            score = score * (pruning.ratio / state.ratios)[of]
         chosen = lowest_of_all(score, of, regions.n_regions, pruning.ratio, state.binding, pruning.guard)
     rearrange(state, np.flatnonzero(~chosen.remove))
     return Pruning(

@@ -51,9 +51,9 @@ def adam(
     def run(_: int, job: int) -> None:
         name, first, last = tasks[job]
         arrays = (state.values[name], gradients[name], state.first[name], state.second[name])
-        flat = [array.reshape(-1) for array in arrays]
+        part = [array.reshape(-1)[first:last] for array in arrays]
         rate = np.float32(rates[name] / correction)
-        adam_range(first, last, *flat, rate, *decay, np.float32(EPSILON), square)
+        adam_range(*part, rate, *decay, np.float32(EPSILON), square)
 
     pool.run(run, len(tasks))
 

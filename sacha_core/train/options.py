@@ -123,7 +123,8 @@ class PruningOptions:
     """Pruning by score.
 
     Args:
-        scope: `regions` by each region's ratio, `all` by one ratio over all Gaussians, `none` not at all.
+        scope: `regions` by each region's ratio; `all` by one ratio over all Gaussians; `weighted` likewise, with each score divided by the
+            modulator of its region; `none` not at all.
         score: `pis` or `lgs`.
         guard: what becomes of a triangle's last Gaussian (see `lowest_of_each_region`).
         ratio: share that goes at each pruning (rho0).
@@ -133,7 +134,7 @@ class PruningOptions:
     Source: SACHA; the bounds and the guard are our own.
     """
 
-    scope: Literal["none", "all", "regions"] = "regions"
+    scope: Literal["none", "all", "weighted", "regions"] = "regions"
     score: Literal["pis", "lgs"] = "pis"
     guard: Guard = "off"
     ratio: float = 0.2

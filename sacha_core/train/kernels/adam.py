@@ -11,14 +11,10 @@ TINIEST = np.float32(1e-37)  # just above where float32 becomes denormal and ari
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "nsz", "arcp", "reassoc"})
-def adam_range(
-    first, last, value, gradient, mean, square, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
-):
-    """Step values first to last; moments too small for a normal number become 0.
+def adam_range(value, gradient, mean, square, rate, beta1, beta2, rest1, rest2, epsilon, square_correction):
+    """Step some values; moments too small for a normal number become 0.
 
     Args:
-        first: of the range.
-        last: one past its end.
         value: (p,) float32, changed.
         gradient: (p,) float32.
         mean: (p,) float32, first moment, changed.
@@ -32,7 +28,7 @@ def adam_range(
         square_correction: one over the root of the second moment's bias correction.
     """
     zero = np.float32(0)
-    for i in range(first, last):
+    for i in range(len(value)):
         slope = gradient[i]
         m = beta1 * mean[i] + rest1 * slope
         s = beta2 * square[i] + rest2 * slope * slope
