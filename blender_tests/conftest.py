@@ -55,8 +55,11 @@ def installed() -> str:
 
 
 @pytest.fixture
-def preferences(installed: str) -> bpy.types.AddonPreferences:
-    """The add-on's preferences with the engine named and all else untouched, in an empty scene."""
+def preferences(
+    installed: str, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> bpy.types.AddonPreferences:
+    """The add-on's preferences with the engine named and all else untouched, in an empty scene, before any head was used."""
+    monkeypatch.setenv("SACHA_HEADS", str(tmp_path_factory.mktemp("heads")))
     bpy.ops.wm.read_homefile(use_empty=True)
     chosen = bpy.context.preferences.addons[installed].preferences
     chosen.engine_python = ENGINE

@@ -2,7 +2,8 @@
 
 Usage: make_material.py FOLDER
 
-`truth.npz`: `vertices` of the avatar's person, `faces`, `labels`, `count`, `region_srgb` (r, 3) uint8, `mesh_vertices` of the OBJ and PLY.
+`truth.npz`: `vertices` of the avatar's person, `faces`, `labels`, `count`, `region_srgb` (r, 3) uint8, `count_linear` (f, 4),
+`mesh_vertices` of the OBJ and PLY.
 `told.json`: the regions in order, the number of Gaussians of each, and the head's name.
 """
 
@@ -17,6 +18,7 @@ import numpy as np
 import trimesh
 
 import sacha_core
+from sacha_core.cli.scene_colours import linear_count_colours
 from sacha_core.flame.head_file import save_head
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import person_template
@@ -82,12 +84,14 @@ def main(folder: Path) -> None:
 
     decoded = sacha_core.decode(folder / "avatar.sacha", head=head)
     labels = sacha_core.label_triangles(head)
+    count = np.bincount(decoded.gaussians.binding, minlength=head.n_faces)
     np.savez(
         folder / "truth.npz",
         vertices=person_template(head, decoded.motion)[0],
         faces=head.faces,
         labels=labels,
-        count=np.bincount(decoded.gaussians.binding, minlength=head.n_faces),
+        count=count,
+        count_linear=linear_count_colours(count),
         ply_count=np.bincount(avatar.gaussians.binding, minlength=head.n_faces),
         region_srgb=np.array(PAPER.colours, np.uint8),
         mesh_vertices=mesh_vertices,

@@ -54,7 +54,7 @@ def test_decoding_the_active_avatar_gives_the_same_ply_as_the_shell(
 def test_decoding_takes_the_head_of_the_scene(addon: ModuleType, material: Material, tmp_path: Path) -> None:
     target = tmp_path / "stranger.ply"
     bpy.context.scene.sacha.head = str(material.folder / "head.npz")
-    with pytest.raises(RuntimeError, match="another one"):
+    with pytest.raises(RuntimeError, match="is not the head that the avatar is bound to"):
         bpy.ops.sacha.decode(source=str(material.folder / "stranger.sacha"), filepath=str(target))
     assert not target.exists()
     bpy.context.scene.sacha.head = str(material.folder / "stranger.npz")
