@@ -26,7 +26,7 @@ COMMANDS = {
     "train": Command("train", "Train an avatar on a multi-view capture."),
     "encode": Command("encode", "Compress an avatar and its motion into a .sacha file."),
     "decode": Command("decode", "Turn a .sacha file back into PLY, motion or model."),
-    "inspect": Command("inspect", "Show what is in a .sacha file, byte by byte."),
+    "inspect": Command("inspect", "Show what a .sacha file holds and what it costs."),
     "render": Command("render", "Draw one frame of an avatar, or a video of it."),
     "evaluate": Command("evaluate", "Judge an avatar on views and expressions held out."),
     "convert-head": Command("convert_head", "Make a head model from a FLAME pickle or a rig."),

@@ -12,10 +12,11 @@ import tyro
 
 from sacha_core.errors import FormatError, OptionError
 
-__all__ = ["Common", "FileOption", "HeadSource", "ImageSize", "PixelsOption", "naming", "require_positive"]
+__all__ = ["Common", "FileOption", "HeadSource", "ImageSize", "PixelsOption", "naming", "require_size"]
 
 FileOption = Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")]
 PixelsOption = Annotated[int | None, tyro.conf.arg(metavar="PIXELS", help_behavior_hint="")]
+LARGEST_SIDE = 16_384  # a picture of that many pixels each way takes some gigabytes already
 
 
 @dataclass(frozen=True)
@@ -51,15 +52,15 @@ class ImageSize:
     """Image height; by default the stored one."""
 
 
-def require_positive(**options: float | None) -> None:
-    """Check that numbers given on the command line are above 0.
+def require_size(**sides: int | None) -> None:
+    """Check the sides of an image that were given on the command line.
 
     Raises:
-        OptionError: naming the first that is not.
+        OptionError: naming the first that is out of range.
     """
-    for name, value in options.items():
-        if value is not None and not value > 0:
-            raise OptionError(f"--{name.replace('_', '-')} is {value:g}, expected more than 0")
+    for name, pixels in sides.items():
+        if pixels is not None and not 1 <= pixels <= LARGEST_SIDE:
+            raise OptionError(f"--{name} is {pixels}, expected 1 to {LARGEST_SIDE} pixels")
 
 
 @contextmanager

@@ -8,8 +8,9 @@ from typing import Annotated, Any
 
 import tyro
 
-from sacha_core.cli.common import Common, HeadSource, ImageSize, require_positive
+from sacha_core.cli.common import Common, HeadSource, ImageSize, require_size
 from sacha_core.cli.console import Console, table
+from sacha_core.errors import OptionError
 
 __all__ = ["Options", "run"]
 
@@ -47,7 +48,9 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     from sacha_core.evaluate.views import evaluate_avatar
     from sacha_core.interchange.capture import read_capture
 
-    require_positive(images=options.images, width=options.size.width, height=options.size.height)
+    if options.images < 1:
+        raise OptionError(f"--images is {options.images}, expected at least 1")
+    require_size(width=options.size.width, height=options.size.height)
     capture = read_capture(options.dataset)
     opened = open_avatar(options.avatar, options.head)
     found = evaluate_avatar(

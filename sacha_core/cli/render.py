@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource, PixelsOption, require_positive
+from sacha_core.cli.common import Common, FileOption, HeadSource, PixelsOption, require_size
 from sacha_core.cli.console import Console
 from sacha_core.errors import OptionError
 from sacha_core.progress import Progress
@@ -108,7 +108,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
 
     if (options.output is None) == (options.video is None):
         raise OptionError("expected one of the two: -o FILE.png for a picture, --video FILE.mp4 for a video")
-    require_positive(width=options.width, height=options.height)
+    require_size(width=options.width, height=options.height)
     opened = open_avatar(options.avatar, options.head, options.motion)
     gaussians = opened.avatar.gaussians
     colours = region_colours(gaussians, opened.head) if options.colour == "region" else None

@@ -14,6 +14,7 @@ from sacha_core.codec import decode, embedded_head, inspect
 from sacha_core.errors import HeadError
 from sacha_core.flame.model import HeadModel, HeadReference
 from sacha_core.flame.open import attach_masks, open_head
+from sacha_core.flame.posing import Poser
 from sacha_core.flame.shelf import find_head, remember
 from sacha_core.interchange.capture import Capture, read_head_reference
 from sacha_core.interchange.gaussian_avatars import read_model
@@ -101,9 +102,13 @@ def open_motion(path: Path, head: HeadModel) -> Motion:
 
     Raises:
         FormatError: the file holds no motion.
+        HeadError: the head cannot move so: it lacks components or vertices that the motion uses.
     """
     motion = read_motion(path, head)
-    motion.validate()
+    try:
+        Poser(head, motion)
+    except HeadError as error:
+        raise HeadError(f"{path}: {error}") from error
     return motion
 
 

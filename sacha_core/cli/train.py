@@ -87,7 +87,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     capture = read_capture(options.dataset)
     head = capture_head(capture, options.head)
     console.say(
-        f"training     {len(capture.train):,} images of {len(capture.motion)} timesteps, head {head.name!r}, "
+        f"training     {len(capture.train):,} images of {len({view.timestep for view in capture.train})} timesteps, head {head.name!r}, "
         f"{chosen.schedule.iterations:,} iterations, variant {chosen.variant!r}"
     )
     start = time.perf_counter()

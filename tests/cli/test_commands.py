@@ -211,6 +211,7 @@ def test_render_writes_a_video(done, sacha_file: Path, tmp_path: Path) -> None:
         (("-o", "a.png", "--frame", -1), "frames 0 to 4"),
         (("-o", "a.xyz"), "a.xyz"),
         (("-o", "a.png", "--width", 0), "--width"),
+        (("-o", "a.png", "--height", 100_000), "--height"),
         (("-o", "a.png", "--distance", 0.01), "--distance"),
         (("--video", "a.mp4", "--frames", "7:9"), "--frames 7:9"),
         (("--video", "a.mp4", "--frames", "x"), "--frames x"),
@@ -238,6 +239,14 @@ def test_evaluate_judges_both_splits(done, capture: Path, sacha_file: Path, mode
             assert 0 < report[name]["ssim"] < 1
         assert {one["camera_index"] for one in report["novel_view"]["images"]} == {8}
     assert decoded["novel_view"]["psnr"] == pytest.approx(original["novel_view"]["psnr"], abs=0.3)
+
+
+def test_progress_of_a_command_is_json_alone(done, capture: Path, model: Path) -> None:
+    outcome = done("evaluate", model, capture, "--progress", "json", "--width", 32, "--height", 47)
+    lines = [json.loads(line) for line in outcome.out.splitlines()]
+    ends = [(one["stage"], one["done"], one["total"]) for one in lines if one["done"] == one["total"]]
+    assert ends == [("novel view", 3, 3), ("novel expression", 8, 8)]
+    assert outcome.report["novel_view"]["images"]
 
 
 def test_convert_head_keeps_the_head(done, tmp_path: Path) -> None:

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from sacha_core.avatar.binding import initial_gaussians
+from sacha_core.avatar.motion import Motion
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.synthetic import synthetic_head
+from sacha_core.interchange.gaussian_avatars import write_flame_param
 from sacha_core.interchange.splat_ply import write_bound_ply
 from sacha_core.npz import read_npz, write_npz
 
@@ -174,6 +176,18 @@ def test_a_ply_with_an_impossible_number(
 def test_a_ply_without_its_head(refused, ply: Path, tmp_path: Path) -> None:
     assert "--head" in refused("encode", "--ply", ply, "-o", tmp_path / "a.sacha")
     assert "--head" in refused("render", ply, "-o", tmp_path / "a.png")
+
+
+def test_a_motion_that_the_head_cannot_make(refused, ply: Path, tmp_path: Path) -> None:
+    head = synthetic_head("small")
+    motion = Motion.rest(head.shapedirs.shape[2], head.exprdirs.shape[2] + 3, 2)
+    motion.expression[1, -1] = 0.5
+    write_flame_param(tmp_path / "m.npz", motion)
+    for arguments in (("encode", "--ply", ply, "-o", tmp_path / "a.sacha"), ("render", ply, "-o", tmp_path / "a.png")):
+        line = refused(*arguments, "--head", "synthetic:small", "--motion", tmp_path / "m.npz")
+        assert "m.npz" in line
+        assert "expression" in line
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.ply", "m.npz"]
 
 
 def test_a_rig_with_a_degenerate_triangle(refused, ply: Path, tmp_path: Path) -> None:
