@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int, Integer
 
 __all__ = ["RegionMeans", "region_means"]
 
@@ -27,9 +27,9 @@ class RegionMeans:
 
 def region_means(
     sensitivity: Float[np.ndarray, " n"],
-    regions: Int[np.ndarray, " n"],
+    regions: Integer[np.ndarray, " n"],
     n_regions: int,
-    weights: Float[np.ndarray, " n"] | None = None,
+    weights: Float[np.ndarray, " n"] | Bool[np.ndarray, " n"] | None = None,
 ) -> RegionMeans:
     """Average sensitivities by region, in float64.
 

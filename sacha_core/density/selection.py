@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Integer
 
 from sacha_core.density.guard import guarded
 
@@ -37,7 +37,7 @@ def quota(count: int, ratio: float) -> int:
 
 def lowest_of_each_region(
     score: Float[np.ndarray, " n"],
-    regions: Int[np.ndarray, " n"],
+    regions: Integer[np.ndarray, " n"],
     ratios: Float[np.ndarray, " r"],
     binding: Int[np.ndarray, " n"],
     guard: Guard = "off",
@@ -67,7 +67,7 @@ def lowest_of_each_region(
 
 def lowest_of_all(
     score: Float[np.ndarray, " n"],
-    regions: Int[np.ndarray, " n"],
+    regions: Integer[np.ndarray, " n"],
     n_regions: int,
     ratio: float,
     binding: Int[np.ndarray, " n"],
@@ -106,7 +106,7 @@ def best_of_triangle(order: Int[np.ndarray, " n"], binding: Int[np.ndarray, " n"
 def _selection(
     asked: Bool[np.ndarray, " n"],
     requested: Int[np.ndarray, " r"],
-    regions: Int[np.ndarray, " n"],
+    regions: Integer[np.ndarray, " n"],
     binding: Int[np.ndarray, " n"],
     guard: Guard,
 ) -> Selection:

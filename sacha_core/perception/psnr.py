@@ -7,7 +7,7 @@ from jaxtyping import Float, UInt8
 
 __all__ = ["psnr"]
 
-Image = Float[np.ndarray, "h w c"] | UInt8[np.ndarray, "h w c"]
+Image = Float[np.ndarray, "_ _ _"] | UInt8[np.ndarray, "_ _ _"]  # (h, w, c); that two agree is checked where it matters
 
 
 def psnr(image: Image, reference: Image) -> float:

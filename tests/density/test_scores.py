@@ -48,7 +48,7 @@ def test_perceptual_score_is_that_of_a_naive_loop(population) -> None:
 
 
 def test_light_gaussian_is_the_perceptual_score_without_perception(population) -> None:
-    plain = perceptual_score(**population, pixel_factor=0, gaussian_factor=0)
+    plain = perceptual_score(**population, pixel_factor=0.0, gaussian_factor=0.0)
     assert light_gaussian_score(population["weight"], population["scales"]) == pytest.approx(plain, rel=ROUNDING)
 
 

@@ -26,6 +26,6 @@ def light_gaussian_score(
 
     Source: Fan et al., LightGaussian, 2023.
     """
-    factor = volume_factor(scales) if variant == "paper" else volume_factor(scales, percentile=10, clamp=False)
+    factor = volume_factor(scales) if variant == "paper" else volume_factor(scales, percentile=10.0, clamp=False)
     score: np.ndarray = np.asarray(weight, np.float64) * factor
     return score

@@ -11,7 +11,7 @@ POWER = 0.1
 
 
 def volume_factor(
-    scales: Float[np.ndarray, "n 3"], percentile: float = 90, clamp: bool = True
+    scales: Float[np.ndarray, "n 3"], percentile: float = 90.0, clamp: bool = True
 ) -> Float[np.ndarray, " n"]:
     """Give each Gaussian's volume relative to a percentile of all volumes, to the power of 0.1.
 
