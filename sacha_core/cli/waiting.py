@@ -9,14 +9,16 @@ import time
 from typing import Protocol
 
 from rich.console import Console as Terminal
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as RichProgress
+from rich.table import Column
 
 from sacha_core.progress import Progress
 
 __all__ = ["Bar", "JsonLines", "Nothing", "PlainLines", "TimeLeft", "Waiting", "duration"]
 
 SECONDS_BETWEEN_LINES = 15.0  # in a log file one line now and then is enough
+COUNT_WIDTH = 13  # columns: 360000/360000
 SECONDS_BETWEEN_OBJECTS = 0.1  # a program that reads every step would do little else
 
 
@@ -118,13 +120,15 @@ class Bar:
         self._left = TimeLeft()
         self._bars = RichProgress(
             TextColumn("{task.description}"),
-            BarColumn(bar_width=28),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[note]}"),
+            BarColumn(bar_width=20),
+            TextColumn(
+                "{task.completed:.0f}/{task.total:.0f}", table_column=Column(no_wrap=True, min_width=COUNT_WIDTH)
+            ),
+            TextColumn("{task.fields[note]}", table_column=Column(no_wrap=True, overflow="ellipsis")),
             console=Terminal(stderr=True),
         )
         self._stage = ""
-        self._task = self._bars.add_task("", visible=False, note="")
+        self._task = self._bars.add_task("", visible=False, total=0, note="")
 
     def show(self, progress: Progress) -> None:
         """Draw one step."""
@@ -157,4 +161,10 @@ def _left(seconds: float | None) -> str:
 
 
 def _values(progress: Progress) -> str:
-    return "".join(f"  {name} {value:,.6g}" for name, value in progress.values.items())
+    return "".join(
+        f"  {name.replace('_per_', '/').replace('_', ' ')} {_figure(v)}" for name, v in progress.values.items()
+    )
+
+
+def _figure(value: float) -> str:
+    return f"{value:,.0f}" if value == round(value, 0) else f"{value:.3g}"

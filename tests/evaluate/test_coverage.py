@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from sacha_core.errors import DatasetError
 from sacha_core.evaluate.coverage import foreground, mesh_coverage, project
@@ -51,6 +52,15 @@ def test_without_masks_whatever_is_not_white_counts(subject) -> None:
     mask = foreground(subject.capture, view)
     assert (mask & ~dark).mean() < 0.02
     assert (dark & ~mask).mean() < 0.2
+
+
+def test_grey_masks_count_from_the_middle(subject, tmp_path) -> None:
+    view = subject.capture.val[0]
+    grey = np.zeros((view.camera.height, view.camera.width), np.uint8)
+    grey[:10], grey[10:20] = 128, 127
+    Image.fromarray(grey).save(tmp_path / "grey.png")
+    found = foreground(subject.capture, replace(view, mask_path=tmp_path / "grey.png"))
+    np.testing.assert_array_equal(found, grey == 128)
 
 
 def test_a_broken_mask_is_named(subject, tmp_path) -> None:
