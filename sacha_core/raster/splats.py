@@ -63,7 +63,11 @@ class Splats:
         colours = arrays["colours"]
         if colours.ndim != 2 or len(colours) != n or not 1 <= colours.shape[1] <= MAX_CHANNELS:
             raise OptionError(f"splat colours have shape {colours.shape}, expected ({n}, 1 to {MAX_CHANNELS})")
-        if not np.isfinite(colours).all():
+        with np.errstate(over="ignore", invalid="ignore"):
+            doubtful = not np.isfinite(
+                colours.sum()
+            )  # if a term is not finite the sum is not, and it is quicker to take
+        if doubtful and not np.isfinite(colours).all():
             row = int(np.argmin(np.isfinite(colours).all(axis=1)))
             raise SachaError(f"the colour of Gaussian {row} is {colours[row].tolist()}, expected finite numbers")
         return Splats(**arrays)

@@ -19,6 +19,7 @@ from sacha_core.raster.kernels.lanes import (
     splat,
     store,
     store_halves,
+    within,
     zeros,
 )
 from sacha_core.raster.kernels.layout import (
@@ -57,7 +58,7 @@ E0, E1, E2, E3, E4, E5 = (
 )
 
 
-@njit
+@within
 def alpha_power(power):
     """Give 2^(8 power) for power in [-1, 0], growing on beyond; relative error below 1e-6."""
     x = maximum(power, splat(F(-1)))
@@ -67,7 +68,7 @@ def alpha_power(power):
     return y * y
 
 
-@njit
+@within
 def open_tile(scratch, across, rows):
     """Set a tile's transmittance: 1 in the image, -1 (closed) outside."""
     for y in range(TILE_HEIGHT):
@@ -75,7 +76,7 @@ def open_tile(scratch, across, rows):
             scratch[y * TILE_WIDTH + x] = F(1) if x < across and y < rows else F(-1)
 
 
-@njit
+@within
 def any_open(scratch):
     """Is any pixel of the tile still open?"""
     highest = load(scratch, 0)
@@ -84,7 +85,7 @@ def any_open(scratch):
     return some(highest > zeros())
 
 
-@njit
+@within
 def blend_entry(entry, records, x_tile, y_lanes, y_tile, channels, scratch):
     """Blend one Gaussian into the rows of a tile that its entry names."""
     at = ((entry >> GAUSSIAN_SHIFT) & GAUSSIAN_MASK) * RECORD
@@ -116,13 +117,13 @@ def blend_entry(entry, records, x_tile, y_lanes, y_tile, channels, scratch):
             accumulate(scratch, 4 * TILE_PIXELS + pixel, weight, colour3)
 
 
-@njit
+@within
 def accumulate(scratch, at, weight, colour):
     """Add weight times colour to sixteen pixels of a plane."""
     store(scratch, at, fma(weight, colour, load(scratch, at)))
 
 
-@njit
+@within
 def write_tile(scratch, background, image, transmittance, left, top, across, rows, width, height):
     """Copy a blended tile to the images, with the background behind it."""
     for vector in range(TILE_VECTORS):

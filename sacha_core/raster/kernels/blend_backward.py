@@ -26,6 +26,7 @@ from sacha_core.raster.kernels.lanes import (
     splat,
     store,
     sums,
+    within,
     zeros,
 )
 from sacha_core.raster.kernels.layout import (
@@ -58,7 +59,7 @@ SPARE = 6 * TILE_PIXELS
 BACKWARD_SCRATCH = 7 * TILE_PIXELS
 
 
-@njit
+@within
 def load_tile(image, corner, width, across, rows, scratch, plane):
     """Copy a tile's part of a flat image, whose first pixel is at `corner`, into a plane of the scratch; zero outside."""
     if across == TILE_WIDTH and rows == TILE_HEIGHT:
@@ -71,14 +72,14 @@ def load_tile(image, corner, width, across, rows, scratch, plane):
                 scratch[plane + y * TILE_WIDTH + x] = image[corner + y * width + x] if y < rows and x < across else F(0)
 
 
-@njit
+@within
 def add_product(scratch, a, b):
     """Add the product of two planes of the scratch to the rest."""
     for at in range(0, TILE_PIXELS, LANES):
         store(scratch, REST + at, fma(load(scratch, a + at), load(scratch, b + at), load(scratch, REST + at)))
 
 
-@njit
+@within
 def load_gradients(
     channels, image, transmittance, image_gradient, transmittance_gradient, corner, width, height, across, rows, scratch
 ):

@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from sacha_core.raster.kernels.lanes import within
+
 DIGIT = 11
 BUCKETS = 1 << DIGIT
 PASSES = 3
 INFINITE = np.uint32(0x7F800000)
 
 
-@njit
+@within
 def distribute(source, target, n, depth_bits, digit, histogram):
     """Move `n` indices to where the digit of their depth belongs; `histogram` holds how many there are of each."""
     shift, base = np.uint32(digit * DIGIT), digit * BUCKETS

@@ -17,6 +17,7 @@ from sacha_core.raster.kernels.lanes import (
     splat,
     square_root,
     store,
+    within,
     zeros,
 )
 from sacha_core.raster.kernels.layout import (
@@ -47,7 +48,7 @@ AHEAD = 8  # Gaussians that a record is asked for in advance
 EMIT_SCRATCH = 2 * LANES
 
 
-@njit
+@within
 def outline(column, records, at, view, scratch):
     """Write how far up and down a splat reaches in each of sixteen columns of tiles: first and last row of pixels, real numbers.
 
@@ -67,7 +68,7 @@ def outline(column, records, at, view, scratch):
     store(scratch, LANES, floor(middle + fall + BOX_MARGIN))
 
 
-@njit
+@within
 def emit_column(g, column, columns, top, bottom, keys, position, histogram):
     """Write the keys of one column of tiles for the rows `top` to `bottom` of pixels; give the next free position."""
     first, last = top // TILE_HEIGHT, bottom // TILE_HEIGHT

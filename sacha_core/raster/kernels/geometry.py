@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from sacha_core.raster.kernels.lanes import (
     exponent,
@@ -16,6 +15,7 @@ from sacha_core.raster.kernels.lanes import (
     select,
     splat,
     square_root,
+    within,
 )
 from sacha_core.raster.kernels.layout import (
     DILATION,
@@ -34,7 +34,7 @@ LOG2_E = F(1.4426950408889634)
 SQRT_2 = F(1.4142135623730951)
 
 
-@njit
+@within
 def log2(x):
     """Give the base-2 logarithm of positive normal numbers, by the series of artanh((m - 1) / (m + 1)); error below 1e-7."""
     m = mantissa(x)
@@ -50,7 +50,7 @@ def log2(x):
     return fma(s * series, splat(LOG2_E), whole)
 
 
-@njit
+@within
 def to_camera(means, row, view):
     """Give x, y, z of sixteen means in the camera's axes."""
     x, y, z = load_strided(means, 3 * row, 3, 0), load_strided(means, 3 * row, 3, 1), load_strided(means, 3 * row, 3, 2)
@@ -61,13 +61,13 @@ def to_camera(means, row, view):
     )
 
 
-@njit
+@within
 def turned(view, at, x, y, z):
     """Give the dot product of three view parameters, from `at` on, with (x, y, z)."""
     return fma(load_spread(view, at), x, fma(load_spread(view, at + 1), y, load_spread(view, at + 2) * z))
 
 
-@njit
+@within
 def jacobian(x, y, z, view):
     """Give 1/z, the clamped slopes x/z and y/z, and the four non-zero entries of the projection's Jacobian: 00, 02, 11, 12."""
     inverse = splat(F(1)) / z
@@ -78,7 +78,7 @@ def jacobian(x, y, z, view):
     return inverse, slope_x, slope_y, j00, -(j00 * slope_x), j11, -(j11 * slope_y)
 
 
-@njit
+@within
 def camera_rows(j_diagonal, j_depth, view, at):
     """Give one row of Jacobian times view rotation: j_diagonal W[at] + j_depth W[2]."""
     r, d = V_ROTATION + 3 * at, V_ROTATION + 6
@@ -89,7 +89,7 @@ def camera_rows(j_diagonal, j_depth, view, at):
     )
 
 
-@njit
+@within
 def rotation_matrix(w, x, y, z):
     """Give the rotation of a unit quaternion, row by row."""
     two = splat(F(2))
@@ -105,7 +105,7 @@ def rotation_matrix(w, x, y, z):
     )  # fmt: skip
 
 
-@njit
+@within
 def covariance(u0, u1, u2, v0, v1, v2):
     """Give the entries xx, yy, xy of the dilated covariance of a splat with axes (u, v) in pixels, and its determinant.
 
@@ -118,7 +118,7 @@ def covariance(u0, u1, u2, v0, v1, v2):
     return plain_xx + DILATION, plain_yy + DILATION, dot3(u0, u1, u2, v0, v1, v2), determinant
 
 
-@njit
+@within
 def load_quaternions(quaternions, row):
     """Give sixteen quaternions normalised, their squared lengths, and the inverse lengths."""
     w, x = load_strided(quaternions, 4 * row, 4, 0), load_strided(quaternions, 4 * row, 4, 1)
@@ -128,7 +128,7 @@ def load_quaternions(quaternions, row):
     return w * unit, x * unit, y * unit, z * unit, square, unit
 
 
-@njit
+@within
 def dot3(a0, a1, a2, b0, b1, b2):
     """Give the dot product of two triples."""
     return fma(a0, b0, fma(a1, b1, a2 * b2))

@@ -6,6 +6,8 @@ import math
 
 from numba import njit
 
+from sacha_core.raster.kernels.lanes import within
+
 # constants of the basis, in the order of the coefficients
 BASIS = (
     0.28209479177387814,
@@ -16,7 +18,7 @@ BASIS = (
 )  # fmt: skip
 
 
-@njit
+@within
 def direction(means, centre, g, basis):
     """Give the unit vector from the camera to a mean, and the inverse distance; straight ahead and 0 where there is none."""
     x, y, z = means[g, 0] - centre[0], means[g, 1] - centre[1], means[g, 2] - centre[2]
@@ -28,7 +30,7 @@ def direction(means, centre, g, basis):
     return x * inverse, y * inverse, z * inverse, inverse
 
 
-@njit
+@within
 def evaluate(x, y, z, degree, basis, values):
     """Write the basis functions of degree 1 up to `degree` at a unit vector."""
     if degree > 0:
@@ -48,7 +50,7 @@ def evaluate(x, y, z, degree, basis, values):
             values[14], values[15] = basis[14] * z * (xx - yy), basis[15] * x * (xx - 3 * yy)
 
 
-@njit
+@within
 def slope(x, y, z, degree, basis, w):
     """Give the gradient by the vector of sum_k w[k] basis_k, each basis function taken as a polynomial of x, y and z."""
     dx, dy, dz = basis[3] * w[3], basis[1] * w[1], basis[2] * w[2]
@@ -71,7 +73,7 @@ def slope(x, y, z, degree, basis, w):
     return dx, dy, dz
 
 
-@njit
+@within
 def series(sh_dc, sh_rest, g, degree, basis, values):
     """Give SH + 0.5 of one Gaussian, red, green and blue."""
     half = basis.dtype.type(0.5)
@@ -83,7 +85,7 @@ def series(sh_dc, sh_rest, g, degree, basis, values):
     return red, green, blue
 
 
-@njit
+@within
 def lit(value):
     """Give max(value, 0); what is not a number stays so, to be noticed."""
     return value - value if value < 0 else value

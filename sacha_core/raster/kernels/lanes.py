@@ -49,10 +49,16 @@ __all__ = [
     "store_interleaved",
     "store_transposed",
     "sums",
+    "within",
     "zeros",
 ]
 
 LANES = 16
+WITHIN = {
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+}  # for what only kernels call: compiles a good deal faster
+within = njit(**WITHIN)
 FLOAT = ir.FloatType()
 INT = ir.IntType(32)
 VECTOR = ir.VectorType(FLOAT, LANES)
@@ -278,7 +284,7 @@ def ramp(typingctx):
     return lanes_type(), codegen
 
 
-@njit
+@within
 def zeros():
     """Give sixteen zeros."""
     return splat(np.float32(0))
@@ -448,7 +454,7 @@ def negative(typingctx, a):
 def bind(sign, function):
     """Let an operator work on lanes, and on lanes with a number on one side."""
 
-    @overload(sign)
+    @overload(sign, jit_options=WITHIN)
     def operation(a, b):
         if a == lanes_type and b == lanes_type:
             return lambda a, b: function(a, b)
@@ -472,7 +478,7 @@ for sign, function in (
     bind(sign, function)
 
 
-@overload(operator.and_)
+@overload(operator.and_, jit_options=WITHIN)
 def mask_and(a, b):
     """Let & join masks."""
     if a == mask_type and b == mask_type:
@@ -480,7 +486,7 @@ def mask_and(a, b):
     return None
 
 
-@overload(operator.neg)
+@overload(operator.neg, jit_options=WITHIN)
 def lanes_negative(a):
     """Let - turn the sign of lanes."""
     if a == lanes_type:

@@ -31,6 +31,7 @@ from sacha_core.raster.kernels.lanes import (
     square_root,
     store,
     store_transposed,
+    within,
     zeros,
 )
 from sacha_core.raster.kernels.layout import (
@@ -55,7 +56,7 @@ FAR = F(1e15)  # squares stay finite
 HUGE = F(1e30)
 
 
-@njit
+@within
 def project_block(means, scales, quaternions, opacities, colours, channels, row, view, at, records, depth):
     """Project sixteen Gaussians from `row` on into the records and depths from `at` on."""
     x, y, z = to_camera(means, row, view)
@@ -115,7 +116,7 @@ def project_block(means, scales, quaternions, opacities, colours, channels, row,
     ))  # fmt: skip
 
 
-@njit
+@within
 def load_colours(colours, channels, row):
     """Give the colour channels of sixteen Gaussians, zero beyond the last."""
     if channels == 4:

@@ -24,6 +24,7 @@ from sacha_core.raster.kernels.lanes import (
     splat,
     store,
     store_interleaved,
+    within,
     zeros,
 )
 from sacha_core.raster.kernels.layout import (
@@ -43,7 +44,7 @@ KEEP = LANES * RECORD  # plane of the scratch that says which lanes have entries
 GATHER_SCRATCH = LANES * RECORD + LANES
 
 
-@njit
+@within
 def gather(block, rows, span, entry_gradients, scratch):
     """Sum the entries of up to sixteen Gaussians into the rows of the scratch; are there any?"""
     found = False
@@ -60,7 +61,7 @@ def gather(block, rows, span, entry_gradients, scratch):
     return found
 
 
-@njit
+@within
 def conic_to_covariance(xx, yy, xy, determinant, scratch):
     """Give the gradient by the projected mean (x, y) and by the covariance's entries (00, 01, 11), from the gathered sums."""
     inverse = splat(F(1)) / determinant
@@ -81,7 +82,7 @@ def conic_to_covariance(xx, yy, xy, determinant, scratch):
     )  # fmt: skip
 
 
-@njit
+@within
 def quaternion_gradient(w, x, y, z, unit, d00, d01, d02, d10, d11, d12, d20, d21, d22):
     """Give the gradient by a quaternion, not necessarily of unit length, from the gradient by its rotation matrix."""
     two = F(2)
@@ -93,7 +94,7 @@ def quaternion_gradient(w, x, y, z, unit, d00, d01, d02, d10, d11, d12, d20, d21
     return (gw - w * radial) * unit, (gx - x * radial) * unit, (gy - y * radial) * unit, (gz - z * radial) * unit
 
 
-@njit
+@within
 def project_block_backward(
     means, scales, quaternions, opacities, row, view, scratch, at, g_means, g_scales, g_quaternions, g_opacities, g_means_2d
 ):  # fmt: skip
@@ -182,14 +183,14 @@ def project_block_backward(
     store(g_opacities, at, select(keep, load_strided(scratch, 0, 16, E_S) / load(opacities, row), nothing))
 
 
-@njit
+@within
 def along(view, row, x, y, z):
     """Give the dot product of a row of the view rotation with (x, y, z)."""
     at = V_ROTATION + 3 * row
     return dot3(load_spread(view, at), load_spread(view, at + 1), load_spread(view, at + 2), x, y, z)
 
 
-@njit
+@within
 def across(view, column, x, y, z):
     """Give the dot product of a column of the view rotation with (x, y, z)."""
     at = V_ROTATION + column
