@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 
@@ -38,7 +38,7 @@ class Console:
         else:
             self._waiting = Bar() if sys.stderr.isatty() else PlainLines()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> Console:
         """Begin a command."""
         return self
 

@@ -42,18 +42,18 @@ def test_the_head_fits_from_every_side_and_fills_the_image(azimuth: float, width
 
 
 def test_azimuth_ninety_stands_at_the_subjects_left_and_sees_up_as_up() -> None:
-    camera = round_the_head(HEAD, 100, 100, azimuth_deg=90, distance=2.0)
+    camera = round_the_head(HEAD, 100, 100, azimuth_deg=90.0, distance=2.0)
     np.testing.assert_allclose(camera.centre, HEAD.centre + np.array([2, 0, 0]), atol=ROUNDING)
     above = pixels(camera, HEAD.centre[None] + (0, 0.1, 0))
     assert above[0, 1] < 50
     front = pixels(camera, HEAD.centre[None] + (0, 0, 0.1))  # the nose points to the left of this picture
     assert front[0, 0] < 50
-    high = round_the_head(HEAD, 100, 100, elevation_deg=30, distance=2.0)
+    high = round_the_head(HEAD, 100, 100, elevation_deg=30.0, distance=2.0)
     np.testing.assert_allclose(high.centre, HEAD.centre + 2 * np.array([0, 0.5, np.sqrt(0.75)]), atol=ROUNDING)
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"elevation_deg": 90}, {"distance": 0.05}, {"distance": -1.0}, {"focal": 0.0}, {"focal": -3.0}]
+    "wrong", [{"elevation_deg": 90.0}, {"distance": 0.05}, {"distance": -1.0}, {"focal": 0.0}, {"focal": -3.0}]
 )
 def test_impossible_cameras_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(OptionError, match="--"):
