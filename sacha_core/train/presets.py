@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 from sacha_core.errors import OptionError
 from sacha_core.train.options import WHOLE, Schedule, TrainOptions
@@ -11,14 +12,20 @@ __all__ = ["VARIANTS", "growing_to_the_last_prune", "preset", "scaled", "variant
 
 VARIANTS = ("ga", "default", "rad", "rad-gp-lgs", "rad-gp-pis", "default-gp-pis", "paper", "sacha")
 
+SCOPES: dict[str, Literal["none", "all", "weighted", "regions"]] = {
+    "rad-gp-lgs": "all",
+    "rad-gp-pis": "all",
+    "default-gp-pis": "all",
+    "paper": "regions",
+    "sacha": "weighted",
+}
 SHORT = 20_000  # iterations below which a run is short
 SHORT_DENSIFICATIONS = (
     48  # over a whole short run, of which about 40 come after the first and before the last iterations
 )
 RECOVERY = 500  # iterations that a short run keeps after its last pruning
-SHORT_THRESHOLD = (
-    8e-4  # tau0 does not transfer: sums over few iterations are noisier, and 3e-4 lets every Gaussian grow
-)
+# tau0 does not transfer: gradients of a fit still rough are larger, and 3e-4 lets nearly every Gaussian grow
+SHORT_THRESHOLD = 5.5e-4
 
 
 def preset(name: str = "paper") -> TrainOptions:
@@ -90,8 +97,9 @@ def variant(options: TrainOptions, name: str) -> TrainOptions:
     """Give the options with a variant's rules of density control.
 
     `ga` is GaussianAvatars with its own threshold; `default` the paper's baseline without regions; `rad` adds thresholds by region; `-gp-`
-    prunes by score over all Gaussians; `paper` prunes by region, under GaussianAvatars' guard; `sacha` likewise without guard, and
-    stops growth at the last pruning.
+    prunes by score over all Gaussians; `paper` prunes each region by its quota, under GaussianAvatars' guard. `sacha` is the shipped one:
+    no guard, growth stops at the last pruning, and regions compete for what stays by scores over their modulators, since quotas take from
+    regions where nothing is superfluous and leave hidden Gaussians where much is.
 
     Raises:
         OptionError: no variant has that name.
@@ -99,10 +107,9 @@ def variant(options: TrainOptions, name: str) -> TrainOptions:
     if name not in VARIANTS:
         raise OptionError(f"variant {name!r} is unknown; expected one of {', '.join(VARIANTS)}")
     by_region = name not in {"ga", "default", "default-gp-pis"}
-    by_quota, by_score = name in {"paper", "sacha"}, "-gp-" in name
     pruning = replace(
         options.pruning,
-        scope="regions" if by_quota else "all" if by_score else "none",
+        scope=SCOPES.get(name, "none"),
         score="lgs" if name.endswith("lgs") else "pis",
         guard="after" if name == "paper" else "off",
     )

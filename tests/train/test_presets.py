@@ -57,7 +57,8 @@ def test_variants_differ_as_their_names_say() -> None:
     }
     scopes = {name: of[name].pruning.scope for name in VARIANTS}
     assert [name for name in VARIANTS if scopes[name] == "none"] == ["ga", "default", "rad"]
-    assert [name for name in VARIANTS if scopes[name] == "regions"] == ["paper", "sacha"]
+    assert [name for name in VARIANTS if scopes[name] == "regions"] == ["paper"]
+    assert [name for name in VARIANTS if scopes[name] == "weighted"] == ["sacha"]
     assert {name for name in VARIANTS if of[name].pruning.score == "lgs"} == {"rad-gp-lgs"}
     assert of["sacha"].schedule.densify_until == max(of["sacha"].schedule.calibrations)
     assert of["default"].schedule.densify_until == 6000
