@@ -21,7 +21,7 @@ CAMERA = Camera.look_at(np.array([0.1, 0.1, 1.0]), np.zeros(3), 40, 50, 70.0)
 
 
 def tetrahedron() -> tuple[Gaussians, TriangleFrames]:
-    vertices = 0.2 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    vertices = 0.05 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
     frames = triangle_frames(vertices, np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]))
     rng = np.random.default_rng(0)
     gaussians = initial_gaussians(4, rng)
