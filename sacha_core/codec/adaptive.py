@@ -20,9 +20,7 @@ from sacha_core.errors import FormatError
 __all__ = ["AdaptiveDecoder", "AdaptiveEncoder", "compiled_kernels"]
 
 COMPILED_FROM = 200_000  # below this, plain Python is done before Numba is imported
-WORST_BYTES = (
-    12  # an integer below 2**32 takes at most 16 modelled and 65 even bins, 10.1 bits each at worst in the former
-)
+WORST_BYTES = 70  # an integer below 2**32 takes at most 50 modelled bins of up to 10.1 bits, and 31 even ones
 SLACK_BYTES = 16
 
 Kernels = dict[str, Callable[..., Any]]

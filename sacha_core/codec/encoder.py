@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
@@ -60,7 +60,7 @@ def encode(
         head: the head model that it is bound to. With it, neighbours on the head predict each other and steps are meant in metres, which
             saves about a fifth; decoding then needs the head as well. Without it, decoding needs nothing.
         embed_head: add the head model itself to the file.
-        drop_invisible: leave out Gaussians whose opacity is below 1/255, which no renderer draws.
+        drop_invisible: leave out Gaussians whose opacity is, or decodes to, less than 1/255, which no renderer draws.
         group_frames: frames in a group of the motion, at whose starts decoding can begin (1 to 65535).
 
     Returns:
@@ -78,7 +78,7 @@ def encode(
     avatar.gaussians.validate(avatar.head.n_faces)
     gaussians = avatar.gaussians
     if drop_invisible:
-        gaussians = gaussians.select(gaussians.opacity_logit >= VISIBLE)
+        gaussians = gaussians.select(visible(gaussians.opacity_logit, chosen.opacity_steps))
     check_range(gaussians)
     template = template_of(head.v_template, head.faces) if head else unknown_template(avatar.head.n_faces)
     sections = encode_gaussians(gaussians, template, chosen)
@@ -98,6 +98,12 @@ def check_head(avatar: Avatar, head: HeadModel | None, embed_head: bool) -> None
         raise HeadError(f"to embed the head {avatar.head.name!r} it has to be given")
     if head is not None and head.reference.sha256 != avatar.head.sha256:
         raise HeadError(f"the avatar is bound to head {avatar.head.name!r}, another one, {head.name!r}, was given")
+
+
+def visible(opacity_logit: Float[np.ndarray, " n"], n_steps: int) -> Bool[np.ndarray, " n"]:
+    """Tell which Gaussians a renderer draws, as they are and as they will be decoded."""
+    decoded = opacity_table(n_steps).logit[opacity_index(opacity_logit, n_steps)]
+    return np.asarray((opacity_logit >= VISIBLE) & (decoded >= VISIBLE))
 
 
 def check_range(gaussians: Gaussians) -> None:

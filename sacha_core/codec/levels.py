@@ -43,35 +43,35 @@ class Level:
 
 
 LEVELS = {
-    1: Level(1, 24, 3, 2.5, 0.06, 0.01, 0.005, 5e-4, 2e-4),
-    2: Level(2, 32, 1, 3.0, 0.02, 0.005, 0.002, 2e-4, 1e-4),
-    3: Level(3, 48, -1, 4.0, 0.005, 0.005, 5e-4, 5e-5, 5e-5),
-    4: Level(4, 72, -3, 4.5, 0.0025, 0.0025, 2.5e-4, 2e-5, 2e-5),
+    1: Level(1, 24, 2, 2.5, 0.06, 0.01, 0.005, 5e-4, 2e-4),
+    2: Level(2, 36, 0, 3.0, 0.02, 0.005, 0.002, 2e-4, 1e-4),
+    3: Level(3, 56, -2, 4.0, 0.005, 0.005, 5e-4, 5e-5, 5e-5),
+    4: Level(4, 80, -4, 4.5, 0.0025, 0.0025, 2.5e-4, 2e-5, 2e-5),
 }
 
-# Rules at exponent 0, found by descent on the rendering error of a real avatar at a given size. Fields: weights of transparency, size,
-# elongation (quarters); reference (the encoder fits it); low, high; base exponent.
+# Rules at exponent 0, found by descent on rendering error at equal size, on a real avatar without harmonics and on trained ones with
+# them. Fields: weights of transparency, size, elongation (quarters); reference (the encoder fits it); low, high; base exponent.
 SCALE_RULES = (
-    StepRule(2, 0, 0, 0, 0, 8, 18),
-    StepRule(3, 0, 0, 0, 0, 11, 17),
-    StepRule(3, 0, 0, 0, 0, 12, 18),
+    StepRule(2, 0, 0, 0, 0, 8, 19),
+    StepRule(3, 0, 0, 0, 0, 11, 18),
+    StepRule(3, 0, 0, 0, 0, 12, 19),
 )
-ROTATION_RULE = StepRule(5, 6, 3, 0, -3, 12, 19)
-POSITION_RULE = StepRule(4, 1, 1, 0, -2, 17, 23)
-COLOUR_RULES = (
+ROTATION_RULE = StepRule(5, 6, 3, 0, -3, 12, 20)
+POSITION_RULE = StepRule(4, 1, 1, 0, -2, 17, 24)
+COLOUR_RULES = (  # luma, then the colour differences
     StepRule(4, 2, 0, 0, -6, 11, 20),
     StepRule(4, 3, 1, 0, -6, 9, 20),
     StepRule(5, 3, 0, 0, -6, 10, 21),
 )
 HARMONIC_RULES = (  # luma of degree 1, 2, 3, then the colour differences
-    StepRule(4, 2, 0, 0, -6, 11, 21),
-    StepRule(4, 2, 0, 0, -6, 11, 22),
-    StepRule(4, 2, 0, 0, -6, 11, 22),
-    StepRule(4, 3, 0, 0, -6, 11, 22),
-    StepRule(4, 3, 0, 0, -6, 11, 23),
-    StepRule(4, 3, 0, 0, -6, 11, 23),
+    StepRule(4, 2, 0, 0, -6, 11, 19),
+    StepRule(4, 2, 0, 0, -6, 11, 19),
+    StepRule(4, 2, 0, 0, -6, 11, 19),
+    StepRule(4, 3, 0, 0, -6, 11, 20),
+    StepRule(4, 3, 0, 0, -6, 11, 21),
+    StepRule(4, 3, 0, 0, -6, 11, 21),
 )
-HARMONIC_DEAD_ZONE = 0.18
+HARMONIC_DEAD_ZONE = 0.0
 
 
 def level_named(level: int) -> Level:

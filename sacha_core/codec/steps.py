@@ -90,8 +90,8 @@ class StepRule:
 
 
 def quantise(
-    residual: Int[np.ndarray, "p c"], steps: Int[np.ndarray, "p w"], dead_zone: float = 0.0
-) -> Int[np.ndarray, "p c"]:
+    residual: Int[np.ndarray, "*rows c"], steps: Int[np.ndarray, "*broadcast c"], dead_zone: float = 0.0
+) -> Int[np.ndarray, "*rows c"]:
     """Give the level of each residual: the nearest multiple of its step, but zero for up to `dead_zone` of a step more."""
     magnitude = np.floor(np.abs(residual) / steps + (0.5 - dead_zone)).astype(np.int64)
     return np.asarray(np.where(residual < 0, -magnitude, magnitude))

@@ -42,7 +42,7 @@ def table_weights(grades: Int[np.ndarray, " a"]) -> Float[np.ndarray, " b"]:
     return np.append(weights, 1.0) if len(weights) == 1 else weights
 
 
-def count_bits(counts: Int[np.ndarray, "... a"]) -> Float[np.ndarray, "..."]:
+def count_bits(counts: Float[np.ndarray, "... a"]) -> Float[np.ndarray, "..."]:
     """Estimate the bits of coding symbols of these counts with a table of their own, the table included."""
     total = counts.sum(axis=-1)
     entropy = total * np.log2(np.maximum(total, 1)) - (counts * np.log2(np.maximum(counts, 1))).sum(axis=-1)

@@ -9,7 +9,7 @@ Source: own; the split is that of JPEG XL's hybrid integers (ISO/IEC 18181-1, C.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Int, UInt
 
 __all__ = ["MAX_TOKEN", "MAX_VALUE", "join_tokens", "pack_bits", "raw_lengths", "split_tokens", "unpack_bits"]
 
@@ -55,7 +55,7 @@ def pack_bits(raw: Int[np.ndarray, " m"], lengths: Int[np.ndarray, " m"]) -> byt
     return np.packbits((np.repeat(raw, lengths) >> place & 1).astype(np.uint8)).tobytes()
 
 
-def unpack_bits(bits: Int[np.ndarray, " b"], start: int, lengths: Int[np.ndarray, " m"]) -> Int[np.ndarray, " m"]:
+def unpack_bits(bits: UInt[np.ndarray, " b"], start: int, lengths: Int[np.ndarray, " m"]) -> Int[np.ndarray, " m"]:
     """Read integers of the given numbers of bits from an array of bits, from `start` on."""
     ends = np.cumsum(lengths)
     n_bits = int(ends[-1]) if len(ends) else 0

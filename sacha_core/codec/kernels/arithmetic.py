@@ -8,10 +8,11 @@ Source: own; range coder with carry after Martin (1979) and LZMA; two-rate proba
 
 from __future__ import annotations
 
-UNARY_BINS = 14  # magnitudes 1 to 14 end inside the adaptive prefix
-BINS = UNARY_BINS + 2  # zero flag, sign, then the prefix
+UNARY_BINS = 14  # magnitudes 1 to 14 end inside the unary prefix
+LENGTH_BINS = 20  # a longer suffix shares the model of this length
+BINS = 2 + UNARY_BINS + 2 * LENGTH_BINS  # zero flag, sign, prefix, length of the suffix, its second bit
 STATE = 3  # fast estimate, slow estimate, number of bins seen (stops at 127)
-ACTIVITY_CLASSES = 5
+ACTIVITY_CLASSES = 6
 MAX_SUFFIX_BITS = 32
 
 # registers of the encoder: low, range, cached byte (-1: none yet), pending 0xFF bytes, bytes written
@@ -22,11 +23,13 @@ ONE = 1 << 16
 
 
 def activity(first, second):
-    """Class 0 to 4 of the sum of the magnitudes of the two integers before."""
+    """Class 0 to 5 of the sum of the magnitudes of the two integers before: its bit length."""
     total = abs(first) + abs(second)
-    if total < 3:
-        return total
-    return 3 if total < 6 else 4
+    length = 0
+    while total > 0 and length < ACTIVITY_CLASSES - 1:
+        total >>= 1
+        length += 1
+    return length
 
 
 def adapt(models, at, bit):
@@ -159,10 +162,14 @@ def encode_integers(registers, out, models, values, contexts):
             length = 0
             while (suffix >> (length + 1)) > 0:
                 length += 1
-            for _ in range(length):
-                encode_even(registers, out, 1)
-            encode_even(registers, out, 0)
-            for k in range(length - 1, -1, -1):
+            lengths = base + (2 + UNARY_BINS) * STATE
+            for k in range(length):
+                encode_bit(registers, out, models, lengths + min(k, LENGTH_BINS - 1) * STATE, 1)
+            encode_bit(registers, out, models, lengths + min(length, LENGTH_BINS - 1) * STATE, 0)
+            if length > 0:
+                second = lengths + (LENGTH_BINS + min(length, LENGTH_BINS - 1)) * STATE
+                encode_bit(registers, out, models, second, (suffix >> (length - 1)) & 1)
+            for k in range(length - 2, -1, -1):
                 encode_even(registers, out, (suffix >> k) & 1)
 
 
@@ -180,13 +187,19 @@ def decode_integers(registers, data, models, values, contexts):
             while rest < UNARY_BINS and decode_bit(registers, data, models, base + (2 + rest) * STATE):
                 rest += 1
             if rest == UNARY_BINS:
+                lengths = base + (2 + UNARY_BINS) * STATE
                 length = 0
-                while length <= MAX_SUFFIX_BITS and decode_even(registers, data):
+                while length <= MAX_SUFFIX_BITS and decode_bit(
+                    registers, data, models, lengths + min(length, LENGTH_BINS - 1) * STATE
+                ):
                     length += 1
                 if length > MAX_SUFFIX_BITS:
                     return False
                 suffix = 1
-                for _ in range(length):
+                if length > 0:
+                    second = lengths + (LENGTH_BINS + min(length, LENGTH_BINS - 1)) * STATE
+                    suffix = 2 | decode_bit(registers, data, models, second)
+                for _ in range(length - 1):
                     suffix = (suffix << 1) | decode_even(registers, data)
                 rest += suffix - 1
             last = -(rest + 1) if negative else rest + 1
