@@ -83,7 +83,7 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
         steps = {group: int(header["steps"][group]) for group in ("gaussians", "motion")}
         options, data = from_record(header["options"]), dict(header["data"])
         events = parse_events(str(arrays["events"]))
-    except (ValueError, KeyError, TypeError, OptionError, FormatError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError, OptionError, FormatError) as error:
         raise FormatError(f"{path}: not a checkpoint that this version can read: {error}") from error
     if version != VERSION:
         raise FormatError(f"{path}: checkpoint version {version}, expected {VERSION}")
@@ -99,6 +99,9 @@ def _check(path: str | os.PathLike[str], state: TrainState) -> None:
     """Refuse arrays that do not belong together."""
     if state.binding.ndim != 1 or state.binding.dtype != np.int32:
         raise FormatError(f"{path}: binding is {state.binding.dtype} {state.binding.shape}, expected (n,) int32")
+    for name in ("gradient_sum", "gradient_count"):
+        if getattr(state, name).shape != state.binding.shape:
+            raise FormatError(f"{path}: {name} is {getattr(state, name).shape}, expected {state.binding.shape}")
     for name in VALUES:
         value = state.values[name]
         wrong = name in ATTRIBUTES and len(value) != len(state)

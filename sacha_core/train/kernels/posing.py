@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from sacha_core.geometry.rotation import SMALLEST_ANGLE_RAD
+
 FAST = {"contract", "nsz", "arcp", "reassoc"}
 
 
@@ -91,7 +93,7 @@ def rodrigues_backward(vectors, rotation_gradient, angle_offset, out):
         v = vectors[j].astype(np.float64)
         g = rotation_gradient[j]
         shifted = v + angle_offset
-        angle = np.sqrt(np.sum(shifted * shifted))
+        angle = max(np.sqrt(np.sum(shifted * shifted)), SMALLEST_ANGLE_RAD)
         a = np.sin(angle) / angle
         b = 2 * (np.sin(angle / 2) / angle) ** 2
         skew = np.array([g[2, 1] - g[1, 2], g[0, 2] - g[2, 0], g[1, 0] - g[0, 1]])

@@ -1,0 +1,66 @@
+"""Checkpoints come back to the bit, and damaged ones are refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sacha_core.avatar.binding import initial_gaussians
+from sacha_core.avatar.motion import Motion
+from sacha_core.density.events import OpacityReset
+from sacha_core.errors import FormatError
+from sacha_core.npz import read_npz, write_npz
+from sacha_core.train.checkpoint import Checkpoint, differing, read_checkpoint, write_checkpoint
+from sacha_core.train.presets import scaled
+from sacha_core.train.state import initial_state
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    state = initial_state(initial_gaussians(7, np.random.default_rng(0)), Motion.rest(0, 2, 3), 8, 3e-4, 0.2)
+    state.iteration = 12
+    write_checkpoint(tmp_path / "c.npz", Checkpoint(state, scaled(100), (OpacityReset(3, 0.01, 7),), {"views": 4}))
+    return tmp_path / "c.npz"
+
+
+def test_a_checkpoint_comes_back_and_is_written_the_same_again(path: Path) -> None:
+    back = read_checkpoint(path)
+    assert (back.state.iteration, len(back.state), back.options, back.data) == (12, 7, scaled(100), {"views": 4})
+    write_checkpoint(path.with_name("d.npz"), back)
+    assert path.read_bytes() == path.with_name("d.npz").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("header", None),
+        ("first.sh_dc", None),
+        ("header", np.array("[]")),
+        ("header", np.array("{")),
+        ("header", np.array("[" * 100_000)),
+        ("events", np.array("?")),
+        ("binding", np.zeros(7, np.int64)),
+        ("values.position", np.zeros((6, 3), np.float32)),
+        ("second.position", np.zeros((7, 2), np.float32)),
+        ("first.opacity_logit", np.zeros(7)),
+        ("gradient_sum", np.zeros(3, np.float32)),
+    ],
+)
+def test_damage_is_refused(path: Path, name, value) -> None:
+    arrays = {key: array for key, array in read_npz(path).items() if key != name}
+    write_npz(path, arrays | ({} if value is None else {name: value}))
+    with pytest.raises(FormatError, match=r"c\.npz"):
+        read_checkpoint(path)
+
+
+def test_a_difference_is_named_and_what_changes_nothing_is_none() -> None:
+    a = scaled(6000, "default")
+    assert differing(a, replace(a, threads=3, checkpoint_every=9, image_cache_bytes=1)) is None
+    assert differing(a, replace(a, losses=replace(a.losses, ssim=0.3))) == "losses.ssim (0.2 and 0.3)"
+    for name in ("rad", "rad-gp-lgs", "default-gp-pis", "paper", "sacha"):
+        assert differing(a, scaled(6000, name)) is not None
+        assert differing(a, scaled(6000, name), until_warm_up=True) is None
+    assert differing(a, scaled(6000, "ga"), until_warm_up=True) is not None
