@@ -113,8 +113,8 @@ def find_template(sections: dict[str, Section], header: Header, head: HeadModel 
         head = find_head(header.head, None, None)
     if head.reference.sha256 != header.head.sha256 or head.n_faces != header.head.n_faces:
         raise HeadError(
-            f"the file is bound to head {header.head.name!r} (SHA-256 {header.head.sha256[:8]}...),"
-            f" but {head.name!r} ({head.reference.sha256[:8]}...) was given"
+            f"the file is bound to head {header.head.name!r} (SHA-256 {header.head.sha256[:12]}...),"
+            f" but {head.name!r} ({head.reference.sha256[:12]}...) was given"
         )
     return template_of(head.v_template, head.faces) if header.needs_head else unknown_template(head.n_faces)
 

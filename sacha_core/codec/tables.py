@@ -46,7 +46,7 @@ def count_bits(counts: Float[np.ndarray, "... a"]) -> Float[np.ndarray, "..."]:
     """Estimate the bits of coding symbols of these counts with a table of their own, the table included."""
     total = counts.sum(axis=-1)
     entropy = total * np.log2(np.maximum(total, 1)) - (counts * np.log2(np.maximum(counts, 1))).sum(axis=-1)
-    return entropy + BITS_PER_GRADE * (counts > 0).sum(axis=-1) + BITS_PER_TABLE * (total > 0)  # type: ignore[no-any-return]
+    return np.asarray(entropy + BITS_PER_GRADE * (counts > 0).sum(axis=-1) + BITS_PER_TABLE * (total > 0))
 
 
 def write_tables(table_of: Int[np.ndarray, " c"], tables: list[tuple[int, Int[np.ndarray, " a"]]]) -> bytes:
