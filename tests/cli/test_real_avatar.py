@@ -14,7 +14,8 @@ from sacha_core.interchange.splat_ply import read_bound_ply
 
 pytestmark = pytest.mark.real_data
 
-LIKENESS = 29.0  # dB between whole pictures before and after level 2: measured 31.0; level 1 gives 24.7
+LARGEST = 110_000  # bytes at level 2 with 973 frames of motion; measured 90,800
+LIKENESS = 38.0  # dB between whole pictures before and after level 2: measured 42.4; level 1 gives 33.7, a picture of another moment 34.6
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,7 @@ def file(done, real_data: Path, source, tmp_path_factory: pytest.TempPathFactory
     path = tmp_path_factory.mktemp("real") / "a.sacha"
     report = done("encode", "--ply", real_data / "avatar_a_bound.ply", *source, "--level", 2, "-o", path).report
     assert report["n_frames"] == 973
-    assert report["bytes"]["total"] == path.stat().st_size < 150_000
+    assert report["bytes"]["total"] == path.stat().st_size < LARGEST
     return path
 
 
