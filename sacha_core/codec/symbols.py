@@ -64,7 +64,7 @@ class SymbolWriter:
         self,
         tokens: Int[np.ndarray, " m"],
         table_of: Int[np.ndarray, " m"],
-        tables: list[tuple[int, Int[np.ndarray, " a"]]],
+        tables: list[tuple[int, Int[np.ndarray, "..."]]],
     ) -> bytes:
         """Push every token onto the stack coder, last first."""
         coder = constriction.stream.stack.AnsCoder()

@@ -49,7 +49,7 @@ def count_bits(counts: Float[np.ndarray, "... a"]) -> Float[np.ndarray, "..."]:
     return np.asarray(entropy + BITS_PER_GRADE * (counts > 0).sum(axis=-1) + BITS_PER_TABLE * (total > 0))
 
 
-def write_tables(table_of: Int[np.ndarray, " c"], tables: list[tuple[int, Int[np.ndarray, " a"]]]) -> bytes:
+def write_tables(table_of: Int[np.ndarray, " c"], tables: list[tuple[int, Int[np.ndarray, "..."]]]) -> bytes:
     """Write which table each context uses, then the tables, each as its first token and its grades."""
     coder = AdaptiveEncoder(N_CONTEXTS)
     coder.write(np.diff(table_of, prepend=0), np.full(len(table_of), CHOICE_CONTEXT))
@@ -62,7 +62,7 @@ def write_tables(table_of: Int[np.ndarray, " c"], tables: list[tuple[int, Int[np
 
 def read_tables(
     data: bytes, n_contexts: int, n_tables: int, offset: int
-) -> tuple[Int[np.ndarray, " c"], list[tuple[int, Int[np.ndarray, " a"]]]]:
+) -> tuple[Int[np.ndarray, " c"], list[tuple[int, Int[np.ndarray, "..."]]]]:
     """Read what `write_tables` wrote.
 
     Raises:
