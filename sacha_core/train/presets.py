@@ -23,6 +23,7 @@ SHORT = 20_000  # iterations below which a run is short
 SHORT_DENSIFICATIONS = (
     48  # over a whole short run, of which about 40 come after the first and before the last iterations
 )
+CHECKPOINTS = 8  # at least so many in any run
 RECOVERY = 500  # iterations that a short run keeps after its last pruning
 # tau0 does not transfer: gradients of a fit still rough are larger, and 3e-4 lets nearly every Gaussian grow
 SHORT_THRESHOLD = 5.5e-4
@@ -90,7 +91,9 @@ def scaled(iterations: int, name: str = "sacha", options: TrainOptions | None = 
             threshold_highest=density.threshold_highest * factor,
         )
     importance = replace(base.importance, views=120) if short else base.importance
-    return variant(replace(base, schedule=schedule, rates=rates, density=density, importance=importance), name)
+    every_checkpoint = max(1, min(base.checkpoint_every, iterations // CHECKPOINTS))
+    chosen = replace(base, schedule=schedule, rates=rates, density=density, importance=importance)
+    return variant(replace(chosen, checkpoint_every=every_checkpoint), name)
 
 
 def variant(options: TrainOptions, name: str) -> TrainOptions:
