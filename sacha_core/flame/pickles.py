@@ -17,6 +17,7 @@ __all__ = ["read_flame_pickle", "read_masks"]
 
 N_IDENTITY = 300  # of the directions of shape that a FLAME pickle holds in one array, the first are identity, the others expression
 DEPTH = 8  # of chumpy operations on one another
+MAX_MASKS = 1000  # FLAME has 14
 MAX_REGRESSOR = 1 << 24  # entries; FLAME's has 25 thousand
 
 
@@ -60,10 +61,10 @@ def read_masks(path: str | os.PathLike[str]) -> dict[str, Int[np.ndarray, " m"]]
     with file.open("rb") as stream:
         is_archive = stream.read(2) == b"PK"
     content = read_npz(file) if is_archive else read_pickle(file)
-    if not isinstance(content, dict) or not content:
+    if not isinstance(content, dict) or not 0 < len(content) <= MAX_MASKS:
         raise FormatError(f"{file}: holds no vertex masks by name")
     try:
-        return {str(name): _mask(value, f"mask {name!r}") for name, value in content.items()}
+        return {name: _mask(value, f"mask {name[:80]!r}") for name, value in content.items()}
     except FormatError as error:
         raise FormatError(f"{file}: {error}") from error
 
@@ -82,7 +83,7 @@ def _head(content: dict[object, object], name: str, n_identity: int) -> HeadMode
     ]
     if missing:
         raise FormatError(f"lacks {', '.join(missing)}, which a FLAME model has")
-    v_template = _number_array(content["v_template"], "v_template").reshape(-1, 3)
+    v_template = _shaped(content, "v_template", (-1, 3))
     v = len(v_template)
     directions = _shaped(content, "shapedirs", (v, 3, -1))
     if directions.shape[2] < n_identity:
@@ -90,9 +91,11 @@ def _head(content: dict[object, object], name: str, n_identity: int) -> HeadMode
             f"shapedirs has {directions.shape[2]} directions, expected {n_identity} of identity and then those of expression"
         )
     kintree = _number_array(content["kintree_table"], "kintree_table")
-    if kintree.ndim != 2 or not kintree.size:
-        raise FormatError(f"kintree_table has shape {kintree.shape}, expected (2, joints)")
-    parents = np.concatenate([[-1], np.clip(kintree[0, 1:].astype(np.float64), -2, 1 << 30).astype(np.int32)])
+    if kintree.ndim != 2 or not kintree.size or kintree.dtype.kind not in "iu":
+        raise FormatError(
+            f"kintree_table has shape {kintree.shape} of {kintree.dtype}, expected (2, joints) of joint indices"
+        )
+    parents = np.concatenate([[-1], np.clip(kintree[0, 1:].astype(np.float64), -2, 1 << 30)])
     faces = _number_array(content["f"], "f")
     if faces.dtype.kind not in "iu" or faces.ndim != 2 or (faces.size and int(faces.max()) >= 2**31):
         raise FormatError(f"f has shape {faces.shape} of {faces.dtype}, expected (triangles, 3) of vertex indices")
@@ -164,7 +167,9 @@ def _dense(value: object) -> np.ndarray:
         or type(columns) is not int
         or not (rows > 0 and columns > 0 and rows * columns <= MAX_REGRESSOR)
     ):
-        raise FormatError(f"J_regressor has shape {shape}, expected (joints, vertices)")
+        raise FormatError(
+            f"J_regressor is a sparse matrix whose shape is not (joints, vertices) of at most {MAX_REGRESSOR} entries"
+        )
     data, row_of, starts = (
         _number_array(value.state.get(key), f"J_regressor {key}") for key in ("data", "indices", "indptr")
     )

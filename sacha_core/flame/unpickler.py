@@ -7,7 +7,6 @@ NumPy, SciPy or chumpy becomes such a record, and turns into an array only after
 from __future__ import annotations
 
 import io
-import math
 import os
 import pickle
 import struct
@@ -22,7 +21,8 @@ from sacha_core.errors import FormatError
 __all__ = ["ArrayRecord", "ChumpyRecord", "SparseRecord", "read_pickle"]
 
 MAX_BYTES = 1 << 30  # FLAME's pickles have 50 to 110 MB
-NUMBER_KINDS = "fiub"
+NUMBER_CODES = frozenset(["f2", "f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "b1"])
+MAX_SIDE = 1 << 31  # of an array
 FAULTS = (
     pickle.UnpicklingError, struct.error, EOFError, ValueError, TypeError, IndexError, KeyError, AttributeError, OverflowError, MemoryError,
 )  # what the pickle machine raises on hostile bytes  # fmt: skip
@@ -41,36 +41,39 @@ class DtypeRecord:
     def dtype(self) -> np.dtype[Any]:
         """Give the dtype, if it is one of plain numbers."""
         code = self.code.decode("latin1") if isinstance(self.code, bytes) else self.code
-        if not isinstance(code, str) or self.order not in {"<", ">", "|"}:
+        if not isinstance(code, str) or self.order not in ("<", ">", "|"):  # a tuple: what is asked may have no hash
             raise FormatError("an array's dtype is not understood")
-        kind = np.dtype(code).newbyteorder("<") if len(code) <= 3 and code[:1] in NUMBER_KINDS else None
-        if kind is None:
+        if code not in NUMBER_CODES:
             raise FormatError(f"an array is of dtype {code[:20]!r}, expected plain numbers")
-        return kind.newbyteorder(">") if self.order == ">" else kind
+        return np.dtype(code).newbyteorder(">" if self.order == ">" else "<")
 
 
 class ArrayRecord:
     """A NumPy array: shape, dtype and bytes."""
 
     def __init__(self, *_: object) -> None:
-        self.state: tuple[object, ...] = ()
+        self.state: object = ()
 
-    def __setstate__(self, state: tuple[object, ...]) -> None:
+    def __setstate__(self, state: object) -> None:
         self.state = state
 
     def array(self) -> np.ndarray:
         """Give the array, if its bytes are as many as its shape and dtype say."""
-        if len(self.state) != 5:
+        if not isinstance(self.state, tuple) or len(self.state) != 5:
             raise FormatError("an array has no contents")
         _, shape, dtype, fortran_order, data = self.state
-        data = data.encode("latin1") if isinstance(data, str) else data
-        if not (isinstance(dtype, DtypeRecord) and isinstance(data, bytes | bytearray) and isinstance(shape, tuple)):
+        if not (isinstance(dtype, DtypeRecord) and isinstance(data, str | bytes | bytearray)):
             raise FormatError("an array's contents are not bytes of numbers")
+        if not isinstance(shape, tuple) or not all(type(side) is int and 0 <= side < MAX_SIDE for side in shape):
+            raise FormatError("an array's shape is no tuple of sizes")
         kind = dtype.dtype()
-        if not all(type(side) is int and side >= 0 for side in shape) or math.prod(shape) * kind.itemsize != len(data):
-            raise FormatError(f"an array of shape {shape} and {kind} has {len(data)} bytes")
-        flat = np.frombuffer(bytearray(data), kind)
-        return flat.reshape(shape[::-1]).T if fortran_order else flat.reshape(shape)
+        try:
+            flat = np.frombuffer(data.encode("latin1") if isinstance(data, str) else data, kind).copy()
+            return flat.reshape(shape[::-1]).T if fortran_order else flat.reshape(shape)
+        except ValueError as error:
+            raise FormatError(
+                f"an array of shape {str(shape)[:80]} and {kind} has contents of {len(data)} bytes"
+            ) from error
 
 
 class StateRecord:
@@ -80,10 +83,10 @@ class StateRecord:
         self.state: dict[str, object] = {}
 
     def __setstate__(self, state: object) -> None:
-        parts = state if isinstance(state, tuple) else (state,)
-        for part in parts:
-            if isinstance(part, dict):
-                self.state.update({str(key): value for key, value in part.items()})
+        # Slots may follow the attributes; no object that is kept here has any
+        attributes = state[0] if isinstance(state, tuple) and state else state
+        if isinstance(attributes, dict):
+            self.state = attributes
 
 
 class SparseRecord(StateRecord):
@@ -112,10 +115,11 @@ def _number(dtype: object, data: object) -> ArrayRecord:
     return _array_of_buffer(data, dtype, (), "C")
 
 
-def _bytes_of_text(text: str, encoding: str) -> bytes:
-    if encoding not in {"latin1", "latin-1"} or not isinstance(text, str):
+def _bytes_of_text(text: object, encoding: object) -> str:
+    """Keep bytes as the text that they are written as: a program may ask for the same ones a million times."""
+    if not (isinstance(text, str) and isinstance(encoding, str) and encoding in {"latin1", "latin-1"}):
         raise pickle.UnpicklingError("bytes are written in another way than pickles write them")
-    return text.encode("latin1")
+    return text
 
 
 def _no_bytes() -> bytes:
@@ -158,6 +162,10 @@ REFUSED = (
     pickle.EXT2,
     pickle.EXT4,
     pickle.NEXT_BUFFER,
+    pickle.NEWOBJ_EX,
+    pickle.EMPTY_SET,
+    pickle.ADDITEMS,
+    pickle.FROZENSET,
 )
 
 
@@ -170,11 +178,13 @@ class _Unpickler(pickle._Unpickler):
     dispatch: ClassVar[dict[int, Callable[..., None]]] = dict(pickle._Unpickler.dispatch)
     stack: list[Any]
     append: Callable[[Any], None]
+    read: Callable[[int], bytes]
+    pop_mark: Callable[[], list[Any]]
 
     def find_class(self, module: str, name: str) -> Any:  # the signature of the standard library
         if (module, name) not in NAMES:
             raise FormatError(
-                f"the pickle asks for {module}.{name}, which is not among what a head model needs; nothing was run"
+                f"the pickle asks for {f'{module}.{name}'[:120]}, which is not among what a head model needs; nothing was run"
             )
         return NAMES[module, name]
 
@@ -193,13 +203,44 @@ class _Unpickler(pickle._Unpickler):
             raise pickle.UnpicklingError("the pickle changes an object of no known class")
         self.stack[-1].__setstate__(state)
 
+    def set_item(self) -> None:
+        """Put one entry into a dictionary."""
+        value = self.stack.pop()
+        self.put([self.stack.pop(), value])
+
+    def set_items(self) -> None:
+        """Put entries into a dictionary."""
+        self.put(self.pop_mark())
+
+    def make_dictionary(self) -> None:
+        """Make a dictionary with entries."""
+        items = self.pop_mark()
+        self.append({})
+        self.put(items)
+
+    def put(self, items: list[Any]) -> None:
+        """Put keys and values into the dictionary on top; keys must be text, since hashing deep tuples overruns the machine's stack."""
+        into = self.stack[-1]
+        if not isinstance(into, dict) or len(items) % 2 or not all(isinstance(key, str) for key in items[::2]):
+            raise pickle.UnpicklingError("a dictionary is filled with something else than names and values")
+        into.update(zip(items[::2], items[1::2], strict=True))
+
+    def array_of_bytes(self) -> None:
+        """Read bytes that may be changed; the standard library's reader takes memory for as many as the file only claims."""
+        (n_bytes,) = struct.unpack("<Q", self.read(8))
+        self.append(bytearray(self.read(n_bytes)))
+
     def refuse(self) -> None:
         """Stop at an instruction that no head model needs."""
         raise pickle.UnpicklingError("the pickle uses an instruction that no head model needs")
 
     dispatch[pickle.NEWOBJ[0]] = new_object
     dispatch[pickle.BUILD[0]] = build
-    for code in (*REFUSED, pickle.NEWOBJ_EX):
+    dispatch[pickle.SETITEM[0]] = set_item
+    dispatch[pickle.SETITEMS[0]] = set_items
+    dispatch[pickle.DICT[0]] = make_dictionary
+    dispatch[pickle.BYTEARRAY8[0]] = array_of_bytes
+    for code in REFUSED:
         dispatch[code[0]] = refuse
 
 
@@ -211,13 +252,14 @@ def read_pickle(path: str | os.PathLike[str]) -> object:
         OSError: it cannot be read.
     """
     file = Path(path)
+    n_bytes = file.stat().st_size
+    if n_bytes > MAX_BYTES:
+        raise FormatError(f"{file}: {n_bytes} bytes, which no head model has; expected at most {MAX_BYTES}")
     with file.open("rb") as stream:
-        data = stream.read(MAX_BYTES + 1)
-    if len(data) > MAX_BYTES:
-        raise FormatError(f"{file}: over {MAX_BYTES} bytes, which no head model has")
+        data = stream.read(n_bytes)
     try:
         return _Unpickler(io.BytesIO(data), encoding="latin1").load()
     except FormatError as error:
         raise FormatError(f"{file}: {error}") from error
     except FAULTS as error:
-        raise FormatError(f"{file}: damaged pickle: {str(error)[:200] or type(error).__name__}") from error
+        raise FormatError(f"{file}: damaged pickle ({type(error).__name__}: {str(error)[:200]})") from error

@@ -7,6 +7,7 @@ import pickle
 import pickletools
 import struct
 import sys
+import tracemalloc
 import types
 from collections.abc import Iterator
 from pathlib import Path
@@ -124,6 +125,11 @@ def test_big_endian_and_other_number_types(random_head: HeadModel, tmp_path: Pat
         ({"shapedirs": np.zeros(7)}, "shapedirs has shape"),
         ({"v_template": np.full((V, 3), np.nan)}, "v_template of head 'a' is not finite"),
         ({"kintree_table": np.zeros(4)}, "kintree_table has shape"),
+        (
+            {"kintree_table": np.full((2, 5), np.nan)},
+            "kintree_table has shape .* of float64, expected .* joint indices",
+        ),
+        ({"v_template": np.zeros(5)}, "v_template has shape"),
         ({"kintree_table": np.array([[0, 3, 0, 0, 0]] * 2)}, "parents of head 'a' are"),
         ({"J_regressor": csc_matrix(np.ones((5, V + 1)))}, "J_regressor of head 'a' has shape"),
         ({"J_regressor": np.ones((4, V))}, "J_regressor of head 'a' has shape"),
@@ -135,6 +141,95 @@ def test_arrays_that_do_not_fit_are_named(
     path = save(tmp_path / "a.pkl", content(random_head, **changes))
     with pytest.raises((FormatError, HeadError), match=rf"a\.pkl: {message}"):
         read_flame_pickle(path, N_IDENTITY)
+
+
+class Record:
+    """Pickles as `make(*arguments)`, followed by any state."""
+
+    def __init__(self, make: object, arguments: tuple[object, ...], state: object) -> None:
+        self.recipe = make, arguments, state
+
+    def __reduce__(self) -> Any:
+        return self.recipe
+
+
+def array_of(state: object) -> Record:
+    return Record(np.array(0).__reduce__()[0], (np.ndarray, (0,), b"b"), state)
+
+
+def dtype_of(code: str, order: object) -> Record:
+    return Record(np.dtype, (code, False, True), (3, order, None, None, None, -1, -1, 0))
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        3,
+        "x",
+        (),
+        (1, (1,), None, False, bytes(8)),
+        (1, (1,), dtype_of("f9", "<"), False, bytes(8)),
+        (1, (1,), dtype_of("u", "<"), False, bytes(8)),
+        (1, (1,), dtype_of("f8", [1]), False, bytes(8)),
+        (1, (1,), np.dtype("f8"), False, "\u1234" * 8),
+        (1, (1,), np.dtype("f8"), False, bytes(7)),
+        (1, (-1,), np.dtype("f8"), False, bytes(8)),
+        (1, (True,), np.dtype("f8"), False, bytes(8)),
+        (1, (1.0,), np.dtype("f8"), False, bytes(8)),
+        (1, 1, np.dtype("f8"), False, bytes(8)),
+        (1, (1,) * 70, np.dtype("f8"), False, bytes(8)),
+        (1, (0, 2**62, 2**62), np.dtype("f8"), False, b""),
+        (1, (0, 2**30, 2**30, 2**30), np.dtype("f8"), True, b""),
+    ],
+)
+def test_arrays_that_are_none(random_head: HeadModel, tmp_path: Path, state: object) -> None:
+    path = save(tmp_path / "a.pkl", content(random_head, v_template=array_of(state)))
+    with pytest.raises(FormatError, match=r"a\.pkl: (an array|v_template)"):
+        read_flame_pickle(path, N_IDENTITY)
+    with pytest.raises(FormatError, match=r"a\.pkl: (an array|mask)"):
+        read_masks(save(tmp_path / "a.pkl", {"lips": array_of(state)}))
+
+
+DEEP = b")" + b"\x85" * 300_000  # hashing or printing what is nested so deep overruns the stack
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        b"\x80\x02}" + DEEP + b"K\x01s.",
+        b"\x80\x02}(" + DEEP + b"K\x01u.",
+        b"\x80\x02(" + DEEP + b"K\x01d.",
+        b"\x80\x04\x8f(" + DEEP + b"\x90.",
+        b"\x80\x04(" + DEEP + b"\x91.",
+        b"\x80\x02}U\x04lips" + DEEP + b"s.",
+        b"\x80\x02}U\x04lipscnumpy\nndarray\n)R(K\x01" + DEEP + b"cnumpy\ndtype\nU\x02f4\x85RK\x00U\x00tbs.",
+        b"\x80\x02}K\x05K\x05s.",
+        b"\x80\x02]U\x01xK\x05s.",
+    ],
+)
+def test_what_is_nested_too_deep_is_left_alone(tmp_path: Path, program: bytes) -> None:
+    (tmp_path / "a.pkl").write_bytes(program)
+    with pytest.raises(FormatError, match=r"a\.pkl"):
+        read_masks(tmp_path / "a.pkl")
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        b"\x80\x05\x96" + struct.pack("<Q", 1 << 28) + b".",
+        b"\x80\x02]q\x00c_codecs\nencode\nq\x01X\x00\x00\x10\x00" + b"a" * (1 << 20) + b"U\x06latin1\x86q\x020"
+        + b"h\x00h\x01h\x02Ra0" * 300 + b"h\x00.",
+    ],
+    ids=["bytes that are only claimed", "the same bytes over and over"],
+)  # fmt: skip
+def test_memory_grows_with_the_file_only(tmp_path: Path, program: bytes) -> None:
+    (tmp_path / "a.pkl").write_bytes(program)
+    tracemalloc.start()
+    with contextlib.suppress(FormatError):
+        read_pickle(tmp_path / "a.pkl")
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 10 * len(program) + (1 << 20)
 
 
 def broken_sparse(**state: object) -> csc_matrix:
