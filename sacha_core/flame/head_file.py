@@ -87,7 +87,7 @@ def head_from_arrays(arrays: Mapping[str, np.ndarray], default_name: str) -> Hea
     if missing:
         raise FormatError(f"head {default_name!r} lacks {', '.join(missing)}")
     head = HeadModel(
-        name=str(arrays["name"])[:MAX_NAME] if "name" in arrays else default_name,
+        name=_text(arrays["name"]) if "name" in arrays else default_name,
         masks={
             name.removeprefix(MASK_PREFIX): _numbers(name, array, integer=True)
             for name, array in arrays.items()
@@ -96,9 +96,7 @@ def head_from_arrays(arrays: Mapping[str, np.ndarray], default_name: str) -> Hea
         n_teeth_faces=int(_numbers("n_teeth_faces", arrays["n_teeth_faces"].reshape(-1)[:1], integer=True).sum())
         if "n_teeth_faces" in arrays
         else 0,
-        expression_names=tuple(
-            str(name)[:MAX_NAME] for name in arrays.get("expression_names", np.zeros(0, "U")).reshape(-1)
-        ),
+        expression_names=tuple(map(_text, arrays.get("expression_names", np.zeros(0, "U")).reshape(-1))),
         **{
             name: _numbers(name, arrays[name], integer=name in INTEGER)
             for name in (*REQUIRED, *OPTIONAL)
@@ -107,6 +105,11 @@ def head_from_arrays(arrays: Mapping[str, np.ndarray], default_name: str) -> Hea
     )
     head.validate()
     return head
+
+
+def _text(value: object) -> str:
+    """Give a name as one line of text that a terminal shows and does not obey."""
+    return "".join(letter for letter in str(value)[:MAX_NAME] if letter.isprintable())
 
 
 def _numbers(name: str, array: np.ndarray, *, integer: bool) -> np.ndarray:

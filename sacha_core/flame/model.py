@@ -122,9 +122,10 @@ class HeadModel:
             )
         if not 0 <= self.n_teeth_faces <= f:
             raise HeadError(f"head {self.name!r} claims {self.n_teeth_faces} teeth triangles of {f}")
-        if len(self.expression_names) not in {0, self.exprdirs.shape[2]}:
+        if len(set(self.expression_names)) not in {0, self.exprdirs.shape[2]}:
             raise HeadError(
-                f"head {self.name!r} names {len(self.expression_names)} expressions, but has directions for {self.exprdirs.shape[2]}"
+                f"head {self.name!r} has {len(set(self.expression_names))} different names of expressions,"
+                f" but directions for {self.exprdirs.shape[2]}"
             )
 
     def _check_shapes(self, expected: dict[str, tuple[int | None, ...]]) -> None:

@@ -7,16 +7,18 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-from sacha_core.errors import FormatError, HeadError, SachaError
+from sacha_core.errors import FormatError, GeometryError, HeadError, SachaError
 from sacha_core.flame.head_file import head_from_arrays, is_head_archive
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.pickles import read_flame_pickle, read_masks
 from sacha_core.flame.rig import is_rig_archive, rig_from_arrays
 from sacha_core.flame.teeth import FLAME_VERTICES, add_teeth, is_flame
+from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.npz import read_npz
 
 __all__ = ["attach_masks", "open_head", "open_synthetic"]
 
+PICKLE_STARTS = (b"\x80", b"(", b"}")  # a dictionary, of protocol 2 and up, 0, or 1
 SYNTHETIC = re.compile(r"synthetic(?:[:-](?P<size>full|small))?(?:[:-](?P<seed>\d{1,9}))?")
 
 
@@ -36,7 +38,7 @@ def open_head(
     Raises:
         HeadError: there is no such file, or its arrays do not fit together, or the masks are of another topology.
         FormatError: the file is damaged or holds no head.
-        GeometryError: a triangle of a rig has zero area.
+        GeometryError: a triangle has zero area.
         OSError: it cannot be read.
     """
     made = open_synthetic(os.fspath(source))
@@ -79,10 +81,21 @@ def _open_file(path: Path, *, teeth: bool) -> HeadModel:
             f"no head {str(path)!r}: give a head model or rig (.npz), a FLAME pickle, or 'synthetic' (also 'synthetic:small')"
         )
     with path.open("rb") as stream:
-        is_archive = stream.read(2) == b"PK"
-    if not is_archive:
+        start = stream.read(2)
+    if start.startswith(PICKLE_STARTS):
         head = read_flame_pickle(path)
-        return add_teeth(head) if teeth and is_flame(head) else head
+    elif start == b"PK":
+        head = _open_archive(path)
+    else:
+        raise FormatError(f"{path}: neither an .npz archive (of a head model or a rig) nor a FLAME pickle", offset=0)
+    try:
+        triangle_frames(head.v_template, head.faces)
+    except GeometryError as error:
+        raise GeometryError(f"{path}: {error}") from error
+    return add_teeth(head) if start != b"PK" and teeth and is_flame(head) else head
+
+
+def _open_archive(path: Path) -> HeadModel:
     arrays = read_npz(path)
     try:
         if is_head_archive(arrays):

@@ -7,12 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Int, Num
 
-from sacha_core.errors import FormatError, GeometryError, HeadError
+from sacha_core.errors import FormatError, HeadError
 from sacha_core.flame.head_file import MASK_PREFIX, head_from_arrays
 from sacha_core.flame.model import HeadModel
-from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.npz import read_npz
 
 __all__ = ["is_rig_archive", "read_rig", "rig_from_arrays"]
@@ -32,15 +31,14 @@ def read_rig(path: str | os.PathLike[str]) -> HeadModel:
 
     Raises:
         FormatError: the file is damaged or lacks an array.
-        GeometryError: a triangle has zero area; the message names it.
         HeadError: the arrays do not fit together.
         OSError: it cannot be read.
     """
     file = Path(path)
     try:
         return rig_from_arrays(read_npz(file), file.stem)
-    except (GeometryError, HeadError) as error:
-        raise type(error)(f"{file}: {error}") from error
+    except HeadError as error:
+        raise HeadError(f"{file}: {error}") from error
 
 
 def is_rig_archive(arrays: Mapping[str, np.ndarray]) -> bool:
@@ -74,15 +72,15 @@ def rig_from_arrays(arrays: Mapping[str, np.ndarray], name: str) -> HeadModel:
     made |= {key: array for key, array in arrays.items() if key.startswith(MASK_PREFIX)}
     neck = _neck(vertices, arrays.get(f"{MASK_PREFIX}neck"))
     made["J_regressor"][0, neck] = 1 / max(len(neck), 1)
-    head = head_from_arrays(made, name)
-    triangle_frames(head.v_template, head.faces)
-    return head
+    return head_from_arrays(made, name)
 
 
-def _neck(vertices: np.ndarray, mask: np.ndarray | None) -> Int[np.ndarray, " m"]:
+def _neck(vertices: Num[np.ndarray, "v 3"], mask: np.ndarray | None) -> Int[np.ndarray, " m"]:
     """Vertices whose centre is the root joint."""
     if mask is not None and mask.size and mask.dtype.kind in "iu" and mask.min() >= 0 and mask.max() < len(vertices):
         return np.unique(mask).astype(np.int64)
-    height = vertices[:, 1]
-    lowest, highest = height.min(initial=np.inf), height.max(initial=-np.inf)
+    height = vertices[:, 1].astype(np.float64)
+    if not len(height) or not np.isfinite(height).all():
+        return np.zeros(0, np.int64)  # the head's check names what is wrong
+    lowest, highest = height.min(), height.max()
     return np.flatnonzero(height <= lowest + LOWEST * (highest - lowest))

@@ -17,8 +17,20 @@ VARIABLE = "SACHA_HEADS"
 
 
 def shelf_folder() -> Path:
-    """Give the folder: the environment variable SACHA_HEADS, or `~/.cache/sacha/heads`. It need not exist."""
-    return Path(os.environ.get(VARIABLE) or Path.home() / ".cache" / "sacha" / "heads")
+    """Give the folder: the environment variable SACHA_HEADS, or `~/.cache/sacha/heads`. It need not exist.
+
+    Raises:
+        HeadError: neither the variable is set nor has the user a home folder.
+    """
+    named = os.environ.get(VARIABLE)
+    if named:
+        return Path(named)
+    try:
+        return Path.home() / ".cache" / "sacha" / "heads"
+    except RuntimeError as error:
+        raise HeadError(
+            f"no home folder to keep heads in: set the environment variable {VARIABLE} to a folder"
+        ) from error
 
 
 def remember(head: HeadModel) -> Path | None:

@@ -52,11 +52,12 @@ def triangle_frames(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "
     """
     components = np.ascontiguousarray(vertices.T)
     p0, p1, p2 = (components[:, np.ascontiguousarray(faces[:, corner])] for corner in range(3))
-    edge, second = p1 - p0, p2 - p0
-    normal = _cross(edge, second)
-    edge_squared, normal_squared = _dot(edge, edge), _dot(normal, normal)
-    limit = degenerate_limit(vertices.dtype) ** 2 * edge_squared * _dot(second, second)
-    sound = (normal_squared > limit) & (normal_squared < np.inf)
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused by name
+        edge, second = p1 - p0, p2 - p0
+        normal = _cross(edge, second)
+        edge_squared, normal_squared = _dot(edge, edge), _dot(normal, normal)
+        limit = degenerate_limit(vertices.dtype) ** 2 * edge_squared * _dot(second, second)
+        sound = (normal_squared > limit) & (normal_squared < np.inf)
     if not sound.all():
         _refuse(vertices, faces, int(np.argmin(sound)))
     edge_length, normal_length = np.sqrt(edge_squared), np.sqrt(normal_squared)

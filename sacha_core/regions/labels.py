@@ -70,7 +70,7 @@ def _vertex_ranks(head: HeadModel, scheme: RegionScheme) -> Int[np.ndarray, " v"
     if missing:
         raise HeadError(
             f"head {head.name!r} has no vertex mask {', '.join(missing)}; region scheme {scheme.name!r} is made from them: give FLAME's"
-            " official masks (FLAME_masks.pkl or .npz) together with a head of FLAME's topology"
+            " official masks (--masks FLAME_masks.pkl or .npz) with a head of FLAME's topology"
         )
     ranks = np.full(head.n_vertices, len(scheme.priority))
     for rank, region in reversed(list(enumerate(scheme.priority))):

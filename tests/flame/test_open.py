@@ -41,7 +41,7 @@ def flame_pickle(path: Path) -> Path:
     weights[np.arange(v), rng.integers(5, size=v)] = 1
     content = {
         "v_template": rng.normal(size=(v, 3)),
-        "f": np.sort(rng.integers(v, size=(9976, 3)), axis=1).astype(np.uint32),
+        "f": (rng.integers(v - 2, size=(9976, 1)) + np.arange(3)).astype(np.uint32),
         "shapedirs": rng.normal(size=(v, 3, 302)).astype(np.float16),
         "posedirs": rng.normal(size=(v, 3, 36)).astype(np.float16),
         "J_regressor": csc_matrix(np.eye(5, v)),
@@ -97,7 +97,12 @@ def test_a_rigs_root_is_the_centre_of_its_neck_where_it_has_one(tmp_path: Path) 
         ({"verts": np.full((30, 3), np.nan)}, HeadError, "v_template of head 'rig' is not finite"),
         ({"arkit_deltas": np.zeros((2, 29, 3))}, FormatError, "arkit_deltas of rig 'rig' has shape"),
         ({"arkit_deltas": np.full((2, 30, 3), np.inf)}, HeadError, "exprdirs of head 'rig' is not finite|zero"),
-        ({"arkit_names": np.array(["a"])}, HeadError, "names 1 expressions, but has directions for 2"),
+        ({"arkit_names": np.array(["a"])}, HeadError, "has 1 different names of expressions, but directions for 2"),
+        (
+            {"arkit_names": np.array(["a", "a"])},
+            HeadError,
+            "has 1 different names of expressions, but directions for 2",
+        ),
         ({"mask_neck": np.array([99])}, HeadError, "mask 'neck' of head 'rig' has index 99"),
     ],
 )
@@ -132,12 +137,54 @@ def test_masks_of_another_topology(random_head: HeadModel, tmp_path: Path) -> No
 def test_what_is_no_head(tmp_path: Path) -> None:
     with pytest.raises(HeadError, match=r"no head '.*nowhere\.npz': give a head model or rig"):
         open_head(tmp_path / "nowhere.npz")
-    (tmp_path / "a.npz").write_bytes(b"hello")
-    with pytest.raises(FormatError, match=r"a\.npz: damaged pickle"):
-        open_head(tmp_path / "a.npz")
+    for content in (b"", b"hello", b"# made by hand\nv 0 0 0\n", b"ply\nformat ascii 1.0\n"):
+        (tmp_path / "a.npz").write_bytes(content)
+        with pytest.raises(FormatError, match=r"a\.npz: neither an .npz archive .* nor a FLAME pickle"):
+            open_head(tmp_path / "a.npz")
+    (tmp_path / "a.pkl").write_bytes(b"\x80\x02}")
+    with pytest.raises(FormatError, match=r"a\.pkl: damaged pickle \(EOFError"):
+        open_head(tmp_path / "a.pkl")
     np.savez(tmp_path / "a.npz", v_template=np.zeros((3, 3)), shapedirs50=np.zeros(3))
     with pytest.raises(FormatError, match=r"a\.npz: head 'a' lacks faces, shapedirs"):
         open_head(tmp_path / "a.npz")
+
+
+def test_zero_areas_are_found_in_every_kind_of_head(random_head: HeadModel, tmp_path: Path) -> None:
+    faces = random_head.faces.copy()
+    faces[7, 2] = faces[7, 1]
+    save_head(replace(random_head, faces=faces), tmp_path / "a.npz")
+    with pytest.raises(GeometryError, match=r"a\.npz: triangle 7 has zero area"):
+        open_head(tmp_path / "a.npz")
+    content = pickle.loads(flame_pickle(tmp_path / "a.pkl").read_bytes())
+    content["f"][9] = 5
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(content, 2))
+    with pytest.raises(GeometryError, match=r"a\.pkl: triangle 9 has zero area"):
+        open_head(tmp_path / "a.pkl")
+
+
+def test_whole_numbers_make_a_rig_too(tmp_path: Path) -> None:
+    made = {
+        kind: rig_arrays(verts=np.random.default_rng(0).integers(99, size=(30, 3)).astype(kind))
+        for kind in ("i2", "f8")
+    }
+    for kind, arrays in made.items():
+        np.savez(tmp_path / f"{kind}.npz", **arrays)
+    assert open_head(tmp_path / "i2.npz").reference.sha256 == open_head(tmp_path / "f8.npz").reference.sha256
+
+
+def test_names_are_one_printable_line(random_head: HeadModel, tmp_path: Path) -> None:
+    save_head(replace(random_head, name="two\nlines \x1b[31mred"), tmp_path / "a.npz")
+    assert open_head(tmp_path / "a.npz").name == "twolines [31mred"
+
+
+def test_a_user_without_a_home_is_told_of_the_variable(monkeypatch: pytest.MonkeyPatch) -> None:
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("SACHA_HEADS", raising=False)
+    monkeypatch.setattr(Path, "home", homeless)
+    with pytest.raises(HeadError, match="set the environment variable SACHA_HEADS"):
+        shelf_folder()
 
 
 @pytest.mark.parametrize("name", ["synthetic:small", "synthetic-small-0", "synthetic:small:0"])
