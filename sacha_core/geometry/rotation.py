@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-__all__ = ["ANGLE_OFFSET_RAD", "rotation_vectors_to_matrices"]
+__all__ = ["ANGLE_OFFSET_RAD", "SMALLEST_ANGLE_RAD", "rotation_vectors_to_matrices"]
 
 ANGLE_OFFSET_RAD = (
     1e-8  # FLAME adds it to each component before it takes the angle, which keeps the axis finite at rest
 )
+
+SMALLEST_ANGLE_RAD = 1e-15  # only a vector that cancels the offset has less; dividing by this keeps its rotation finite
 
 
 def rotation_vectors_to_matrices(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
@@ -28,7 +30,7 @@ def rotation_vectors_to_matrices(vectors: Float[np.ndarray, "*batch 3"]) -> Floa
     """
     x, y, z = np.moveaxis(vectors, -1, 0)
     shifted = vectors + vectors.dtype.type(ANGLE_OFFSET_RAD)
-    angle = np.sqrt(np.einsum("...i,...i->...", shifted, shifted))
+    angle = np.maximum(np.sqrt(np.einsum("...i,...i->...", shifted, shifted)), vectors.dtype.type(SMALLEST_ANGLE_RAD))
     first = np.sin(angle) / angle
     second = 2 * (np.sin(angle / 2) / angle) ** 2
     rows = [

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from sacha_core.geometry import quaternion
-from sacha_core.geometry.rotation import rotation_vectors_to_matrices
+from sacha_core.geometry.rotation import ANGLE_OFFSET_RAD, rotation_vectors_to_matrices
 
 ROUNDING_64 = 1e-14  # a few dozen operations of float64 on numbers of size one
 ROUNDING_32 = 2e-6  # the same in float32
@@ -85,6 +85,12 @@ def test_empty_batches() -> None:
 def test_rotation_vectors_are_scipys() -> None:
     v = np.random.default_rng(5).normal(size=(300, 3)) * np.geomspace(1e-6, 3, 300)[:, None]
     np.testing.assert_allclose(rotation_vectors_to_matrices(v), Rotation.from_rotvec(v).as_matrix(), atol=FLAME_ANGLE)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_vector_that_cancels_the_offset_hardly_turns(dtype: type) -> None:
+    vector = np.full((1, 3), -dtype(ANGLE_OFFSET_RAD))
+    np.testing.assert_allclose(rotation_vectors_to_matrices(vector)[0], np.eye(3), atol=FLAME_ANGLE)
 
 
 def test_rotation_vector_zero_is_the_identity_in_both_precisions() -> None:
