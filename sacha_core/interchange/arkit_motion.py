@@ -48,7 +48,8 @@ def arkit_from_arrays(arrays: dict[str, np.ndarray], head: HeadModel | None = No
         raise FormatError(
             f"weights have shape {weights.shape} of {weights.dtype}, expected (frames, blend shapes) of real numbers"
         )
-    weights = weights.astype(np.float32)
+    with np.errstate(over="ignore"):  # what does not fit becomes infinite, which the motion's check names
+        weights = weights.astype(np.float32)
     names = tuple(str(name) for name in arrays["names"].reshape(-1)) if "names" in arrays else ()
     if names and (len(names) != weights.shape[1] or len(set(names)) != len(names)):
         raise FormatError(f"{len(set(names))} different names for {weights.shape[1]} blend shapes, expected one each")

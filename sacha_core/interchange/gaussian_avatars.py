@@ -77,10 +77,11 @@ def motion_from_arrays(arrays: dict[str, np.ndarray]) -> Motion:
     rate = arrays.get(FRAME_RATE, np.array(USUAL_FRAME_RATE))
     if rate.size != 1 or rate.dtype.kind not in "fiu":
         raise FormatError(f"{FRAME_RATE} has shape {rate.shape} of {rate.dtype}, expected one real number")
+    shape = values["shape"][0] if values["shape"].ndim == 2 and len(values["shape"]) == 1 else values["shape"]
+    if shape.ndim != 1:
+        raise FormatError(f"shape has shape {shape.shape}, expected (components,)")
     dynamic = {name: values[key] for name, key in KEYS.items()}
-    motion = Motion(
-        shape=values["shape"].reshape(-1), static_offset=offset, **dynamic, frame_rate=float(rate.reshape(()))
-    )
+    motion = Motion(shape=shape, static_offset=offset, **dynamic, frame_rate=float(rate.reshape(())))
     motion.validate()
     return motion
 

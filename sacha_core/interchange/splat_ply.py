@@ -222,7 +222,7 @@ def _from_rows(rows: np.ndarray, rest: tuple[str, ...]) -> Gaussians:
 def _whole(binding: np.ndarray) -> np.ndarray:
     """Turn bindings, which the layout keeps as float32, into indices."""
     numbers = binding.astype(np.float64)
-    sound = (numbers == np.floor(numbers)) & (np.abs(numbers) < MAX_FACES)
+    sound = (numbers == np.floor(numbers)) & (numbers >= 0) & (numbers < MAX_FACES)
     if not sound.all():
         row = int(np.argmin(sound))
         raise FormatError(f"{BINDING} of Gaussian {row} is {numbers[row]:.9g}, expected the index of a triangle")

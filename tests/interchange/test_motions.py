@@ -98,6 +98,7 @@ def test_other_ways_to_write_the_same(tmp_path: Path) -> None:
         ("translation", lambda a: a * np.nan, "motion parameter translation is not finite at row 0"),
         ("shape", lambda a: a * np.inf, "motion parameter shape is not finite"),
         ("shape", lambda a: a.astype(np.float64) * 1e300, "motion parameter shape is not finite"),
+        ("shape", lambda a: np.stack([a, a]), r"shape has shape \(2, 5\), expected \(components,\)"),
         ("rotation", lambda a: a.astype(complex), "rotation is of complex128, expected real numbers"),
         ("static_offset", lambda a: a[..., :2], r"static_offset has shape \(9, 2\), expected \(1, vertices, 3\)"),
         ("frame_rate", lambda _: np.array(0.0), "frame rate 0.0 is not between"),

@@ -155,7 +155,7 @@ def test_bindings_up_to_the_last_exact_float(tmp_path: Path) -> None:
         (np.array([0.0, 1.5]), None, r"binding_0 of Gaussian 1 is 1.5, expected the index of a triangle"),
         (np.array([0.0, np.nan]), None, "binding_0 of Gaussian 1 is nan"),
         (np.array([0.0, 3e38]), None, "binding_0 of Gaussian 1 is 3.0000000"),
-        (np.array([0.0, -1.0]), None, "Gaussian 1 is bound to triangle -1"),
+        (np.array([0.0, -1.0]), None, "binding_0 of Gaussian 1 is -1, expected the index of a triangle"),
         (np.array([0.0, 12.0]), 12, "Gaussian 1 is bound to triangle 12; the head has triangles 0 to 11"),
     ],
 )
