@@ -90,7 +90,7 @@ class StepRule:
 
 
 def quantise(
-    residual: Int[np.ndarray, "*rows c"], steps: Int[np.ndarray, "*broadcast c"], dead_zone: float = 0.0
+    residual: Int[np.ndarray, "*rows c"], steps: Int[np.ndarray, "..."], dead_zone: float = 0.0
 ) -> Int[np.ndarray, "*rows c"]:
     """Give the level of each residual: the nearest multiple of its step, but zero for up to `dead_zone` of a step more."""
     magnitude = np.floor(np.abs(residual) / steps + (0.5 - dead_zone)).astype(np.int64)
