@@ -99,7 +99,8 @@ def to_world(gaussians: Gaussians, frames: TriangleFrames) -> WorldGaussians:
         scale = frames.scale[face, None]
         turned = np.einsum("nij,nj->ni", frames.rotation[face], gaussians.position[rows])
         means[rows] = turned * scale + frames.origin[face]
-        scales[rows] = np.exp(gaussians.log_scale[rows]) * scale
+        with np.errstate(over="ignore"):  # a Gaussian without end is culled when it is drawn
+            scales[rows] = np.exp(gaussians.log_scale[rows]) * scale
         quaternions[rows] = quaternion.multiply(turns[face], quaternion.normalise(gaussians.quaternion[rows]))
     opacities = _sigmoid(gaussians.opacity_logit).astype(np.float32, copy=False)
     return WorldGaussians(means, scales, quaternions, opacities)

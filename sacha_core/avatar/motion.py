@@ -12,6 +12,9 @@ from sacha_core.errors import FormatError
 __all__ = ["Motion"]
 
 STATIC = ("shape", "static_offset")
+LARGEST = (
+    2.0**30
+)  # no such length, angle or coefficient is a head's, and from a little above float32 cannot hold their products
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ class Motion:
         return replace(self, **{name: getattr(self, name)[rows] for name in ("expression", *DYNAMIC_WIDTHS)})
 
     def validate(self) -> None:
-        """Check that frames agree in number and every value is finite.
+        """Check that frames agree in number and every value is finite and of a size that a head can have.
 
         Raises:
             FormatError: naming the parameter, the first offending frame, and what was expected.
@@ -80,6 +83,12 @@ class Motion:
             finite = np.isfinite(value).all(axis=tuple(range(1, value.ndim)))
             if not finite.all():
                 raise FormatError(f"motion parameter {f.name} is not finite at row {int(np.argmin(finite))}")
+            if value.size and np.abs(value).max() > LARGEST:
+                row = int(np.argmax((np.abs(value) > LARGEST).reshape(len(value), -1).any(axis=1)))
+                largest = float(np.abs(value[row]).max())
+                raise FormatError(
+                    f"motion parameter {f.name} is {largest:.6g} at row {row}, expected at most {LARGEST:.6g}"
+                )
         if not (np.isfinite(self.frame_rate) and 0 < self.frame_rate <= 1000):
             raise FormatError(f"frame rate {self.frame_rate} is not between 0 and 1000 frames a second")
 

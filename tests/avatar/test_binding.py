@@ -73,6 +73,14 @@ def test_everything_is_float32() -> None:
         assert getattr(world, name).dtype == np.float32
 
 
+def test_a_scale_beyond_float32_is_infinite_without_a_word() -> None:
+    gaussians = replace(random_gaussians(2), log_scale=np.float32([[1e30, 0, -1e30], [0, 0, 0]]))
+    scales = to_world(gaussians, triangle_frames(VERTICES, FACES)).scales
+    assert scales[0, 0] == np.inf
+    assert scales[0, 2] == 0
+    assert np.isfinite(scales[1]).all()
+
+
 @pytest.mark.parametrize("face", [-1, 5])
 def test_a_binding_out_of_range_is_named(face: int) -> None:
     gaussians = random_gaussians(4)

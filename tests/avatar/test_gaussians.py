@@ -103,6 +103,17 @@ def test_motions_that_are_not_finite(name: str) -> None:
         replace(motion, **{name: value}).validate()
 
 
+@pytest.mark.parametrize("name", ["shape", "static_offset", "expression", "jaw", "eyes", "translation"])
+def test_motions_beyond_any_head(name: str) -> None:
+    motion = replace(Motion.rest(5, 7, 4), static_offset=np.zeros((9, 3), np.float32))
+    value = getattr(motion, name).copy()
+    value[2] = -(2.0**30)
+    replace(motion, **{name: value}).validate()
+    value[2:] = -1e30
+    with pytest.raises(FormatError, match=rf"motion parameter {name} is 1e\+30 at row 2, expected at most 1.07"):
+        replace(motion, **{name: value}).validate()
+
+
 @pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf, 1001.0])
 def test_frame_rates_that_are_none(rate: float) -> None:
     with pytest.raises(FormatError, match="is not between 0 and 1000 frames a second"):
