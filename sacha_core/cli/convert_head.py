@@ -42,6 +42,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         SachaError: the source is damaged or of no known kind.
         OSError: a file cannot be read or written.
     """
+    from sacha_core.errors import HeadError
     from sacha_core.flame.head_file import save_head
     from sacha_core.flame.open import open_head
     from sacha_core.flame.shelf import remember
@@ -49,8 +50,8 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     from sacha_core.regions.scheme import PAPER
 
     head = open_head(options.source, masks=options.masks)
-    save_head(head, options.output)
     remember(head)
+    save_head(head, options.output)
     joints, shape, expression = len(head.parents), head.shapedirs.shape[2], head.exprdirs.shape[2]
     console.wrote("head", options.output, kilobytes(options.output.stat().st_size))
     console.say(f"name         {head.name} (sha256 {head.reference.sha256[:12]})")
@@ -60,12 +61,12 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     )
     console.say(f"components   {shape} of shape, {expression} of expression; {joints} joint{'s' * (joints > 1)}")
     counts: dict[str, int] = {}
-    if head.masks:
+    try:
         labels = label_triangles(head, PAPER)
         counts = {name: int((labels == row).sum()) for row, name in enumerate(PAPER.regions)}
         console.say("regions      " + ", ".join(f"{name} {count}" for name, count in counts.items()) + " triangles")
-    else:
-        console.say("regions      unknown: the head has no masks; --masks FLAME_masks.npz adds them")
+    except HeadError as error:  # a head without regions still carries avatars
+        console.say(f"regions      unknown: {error}")
     return {
         "file": options.output,
         **asdict(head.reference),

@@ -16,10 +16,12 @@ from PIL import Image
 
 from sacha_core.cli.train import Variant
 from sacha_core.codec import decode
+from sacha_core.flame.head_file import load_head
 from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.interchange.capture import read_capture
 from sacha_core.interchange.gaussian_avatars import read_flame_param, read_model
 from sacha_core.interchange.splat_ply import read_bound_ply
+from sacha_core.npz import write_npz
 from sacha_core.train.presets import VARIANTS
 
 Call = Callable[..., object]
@@ -257,6 +259,16 @@ def test_convert_head_keeps_the_head(done, tmp_path: Path) -> None:
     again = done("convert-head", tmp_path / "head.npz", "-o", tmp_path / "again.npz")
     assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "head.npz").read_bytes()
     assert again.report["name"] == "synthetic-small-0"
+
+
+def test_convert_head_of_a_rig_that_tells_no_regions(done, tmp_path: Path) -> None:
+    head = synthetic_head("small")
+    write_npz(tmp_path / "rig.npz", {"verts": head.v_template, "faces": head.faces, "mask_neck": head.masks["neck"]})
+    outcome = done("convert-head", tmp_path / "rig.npz", "-o", tmp_path / "head.npz")
+    assert outcome.report["region_triangles"] == {}
+    assert "regions      unknown: head 'rig' has no vertex mask boundary, eye_region" in outcome.out
+    assert "--masks FLAME_masks.pkl" in outcome.out
+    assert load_head(tmp_path / "head.npz").masks.keys() == {"neck"}
 
 
 def test_doctor_lists_packages(done) -> None:
