@@ -26,7 +26,7 @@ SHORT_DENSIFICATIONS = (
 CHECKPOINTS = 8  # at least so many in any run
 RECOVERY = 500  # iterations that a short run keeps after its last pruning
 # tau0 does not transfer: gradients of a fit still rough are larger, and 3e-4 lets nearly every Gaussian grow
-SHORT_THRESHOLD = 5.5e-4
+SHORT_THRESHOLD = 4.5e-4
 
 
 def preset(name: str = "paper") -> TrainOptions:
