@@ -9,6 +9,7 @@ import pytest
 
 from sacha_core.avatar.motion import Motion
 from sacha_core.flame.model import HeadModel
+from sacha_core.flame.synthetic import synthetic_head
 
 PARENTS = np.array([-1, 0, 1, 1, 1], np.int32)
 
@@ -51,6 +52,26 @@ def make_random_motion(head: HeadModel, n_frames: int = 4, seed: int = 1) -> Mot
         eyes=normal(n_frames, 6),
         translation=normal(n_frames, 3),
     )
+
+
+@pytest.fixture(scope="module", params=("full", "small"))
+def size(request: pytest.FixtureRequest) -> str:
+    """Of the synthetic head."""
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def head(size: str) -> HeadModel:
+    return synthetic_head(size)
+
+
+@pytest.fixture(scope="module")
+def mirrored(head: HeadModel) -> np.ndarray:
+    """For each vertex of the synthetic head its mirror image, found by position; no two vertices are in one place."""
+    steps = np.round(head.v_template.astype(np.float64) * 2**20).astype(np.int64)  # the head is rounded to these
+    place = {tuple(p): i for i, p in enumerate(steps.tolist())}
+    assert len(place) == head.n_vertices
+    return np.array([place[-x, y, z] for x, y, z in steps.tolist()])
 
 
 @pytest.fixture(scope="session")
