@@ -16,9 +16,7 @@ __all__ = ["WorldGaussians", "initial_gaussians", "to_world"]
 
 BLOCK = 2048  # Gaussians at a time, so that intermediate results stay in the cache and in memory already at hand
 INITIAL_OPACITY = 0.1
-LARGEST_INITIAL_DC = (
-    1 / 255
-)  # GaussianAvatars writes random colours in [0, 1) / 255 straight into the coefficient: grey
+LARGEST_INITIAL_DC = 1 / 255  # GaussianAvatars writes random colours in [0, 1) / 255 into the coefficient itself: grey
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from sacha_core.errors import FormatError, HeadError
 from sacha_core.flame.model import HeadModel
-from sacha_core.npz import read_npz, write_npz
+from sacha_core.npz import as_float32, read_npz, write_npz
 
 __all__ = ["head_from_arrays", "head_to_arrays", "is_head_archive", "load_head", "save_head"]
 
@@ -119,8 +119,7 @@ def _numbers(name: str, array: np.ndarray, *, integer: bool) -> np.ndarray:
             f"array {name!r} of the head is of {array.dtype}, expected {'whole' if integer else 'real'} numbers"
         )
     if not integer:
-        with np.errstate(over="ignore"):  # what does not fit becomes infinite, which the head's check names
-            return np.ascontiguousarray(array, np.float32)
+        return as_float32(array)
     limits = np.iinfo(np.int32)
     if array.size and not (int(array.min()) >= limits.min and int(array.max()) <= limits.max):
         raise FormatError(f"array {name!r} of the head holds numbers beyond 32 bits")

@@ -6,12 +6,12 @@ import os
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from sacha_core.errors import FormatError, HeadError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.unpickler import ArrayRecord, ChumpyRecord, SparseRecord, read_pickle
-from sacha_core.npz import read_npz
+from sacha_core.npz import as_float32, read_npz
 
 __all__ = ["read_flame_pickle", "read_masks"]
 
@@ -102,14 +102,14 @@ def _head(content: dict[object, object], name: str, n_identity: int) -> HeadMode
     posedirs = _shaped(content, "posedirs", (v, 3, -1)) if "posedirs" in content else None
     return HeadModel(
         name=name,
-        v_template=_single(v_template),
+        v_template=as_float32(v_template),
         faces=faces.astype(np.int32),
-        shapedirs=_single(directions[:, :, :n_identity]),
-        exprdirs=_single(directions[:, :, n_identity:]),
-        J_regressor=_single(_dense(content["J_regressor"])),
-        weights=_single(_number_array(content["weights"], "weights")),
+        shapedirs=as_float32(directions[:, :, :n_identity]),
+        exprdirs=as_float32(directions[:, :, n_identity:]),
+        J_regressor=as_float32(_dense(content["J_regressor"])),
+        weights=as_float32(_number_array(content["weights"], "weights")),
         parents=parents.astype(np.int32),
-        posedirs=None if posedirs is None else _single(posedirs),
+        posedirs=None if posedirs is None else as_float32(posedirs),
     )
 
 
@@ -119,11 +119,6 @@ def _shaped(content: dict[object, object], key: str, shape: tuple[int, ...]) -> 
         return array.reshape(shape)
     except ValueError as error:
         raise FormatError(f"{key} has shape {array.shape}, expected {shape}") from error
-
-
-def _single(array: np.ndarray) -> Float[np.ndarray, "*shape"]:
-    with np.errstate(over="ignore"):  # what does not fit becomes infinite, which the head's check names
-        return np.ascontiguousarray(array, np.float32)
 
 
 def _number_array(value: object, name: str, depth: int = DEPTH) -> np.ndarray:

@@ -98,15 +98,21 @@ class Poser:
         expression = self.expressions[frame]
         pose = np.concatenate([getattr(self.motion, name)[frame] for name in ("rotation", "neck", "jaw", "eyes")])
         rotations = rotation_vectors_to_matrices(pose.astype(dtype, copy=False).reshape(5, 3)[: len(self.parents)])
-        coefficients = expression
-        if self.has_correctives:
-            correctives = rotations[1:] - np.eye(3, dtype=dtype)
-            coefficients = np.concatenate([expression, correctives.reshape(-1)])
-        unposed = self.template + np.einsum("k,kx->x", coefficients, self.directions).reshape(-1, 3)
-        joints = self.joints + np.einsum("jce,e->jc", self.joint_directions, expression)
+        unposed, joints = self.unposed(expression, rotations)
         posed = skin(unposed, self.weights, joint_transforms(rotations, joints, self.parents))
         posed += self.motion.translation[frame].astype(dtype, copy=False)
         return posed
+
+    def unposed(
+        self, expression: Float[np.ndarray, " e"], rotations: Float[np.ndarray, "j 3 3"]
+    ) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "j 3"]]:
+        """Give vertices and joints before skinning, metres: the person with an expression, corrected for the pose to come."""
+        coefficients = expression
+        if self.has_correctives:
+            correctives = rotations[1:] - np.eye(3, dtype=rotations.dtype)
+            coefficients = np.concatenate([expression, correctives.reshape(-1)])
+        vertices = self.template + np.einsum("k,kx->x", coefficients, self.directions).reshape(-1, 3)
+        return vertices, self.joints + np.einsum("jce,e->jc", self.joint_directions, expression)
 
 
 def pose_vertices(head: HeadModel, motion: HeadMotion, frame: int) -> Float[np.ndarray, "v 3"]:

@@ -7,10 +7,8 @@ from jaxtyping import Float
 
 __all__ = ["ANGLE_OFFSET_RAD", "SMALLEST_ANGLE_RAD", "rotation_vectors_to_matrices"]
 
-ANGLE_OFFSET_RAD = (
-    1e-8  # FLAME adds it to each component before it takes the angle, which keeps the axis finite at rest
-)
-
+# FLAME adds it to each component before it takes the angle, which keeps the axis finite at rest
+ANGLE_OFFSET_RAD = 1e-8
 SMALLEST_ANGLE_RAD = 1e-15  # only a vector that cancels the offset has less; dividing by this keeps its rotation finite
 
 

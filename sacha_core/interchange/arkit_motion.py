@@ -11,7 +11,7 @@ from jaxtyping import Float
 from sacha_core.avatar.motion import Motion
 from sacha_core.errors import FormatError, HeadError
 from sacha_core.flame.model import HeadModel
-from sacha_core.npz import read_npz
+from sacha_core.npz import as_float32, read_npz
 
 __all__ = ["arkit_from_arrays", "read_arkit_motion"]
 
@@ -48,8 +48,7 @@ def arkit_from_arrays(arrays: dict[str, np.ndarray], head: HeadModel | None = No
         raise FormatError(
             f"weights have shape {weights.shape} of {weights.dtype}, expected (frames, blend shapes) of real numbers"
         )
-    with np.errstate(over="ignore"):  # what does not fit becomes infinite, which the motion's check names
-        weights = weights.astype(np.float32)
+    weights = as_float32(weights)
     names = tuple(str(name) for name in arrays["names"].reshape(-1)) if "names" in arrays else ()
     if names and (len(names) != weights.shape[1] or len(set(names)) != len(names)):
         raise FormatError(f"{len(set(names))} different names for {weights.shape[1]} blend shapes, expected one each")

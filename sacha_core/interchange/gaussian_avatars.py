@@ -12,7 +12,7 @@ from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import DYNAMIC_WIDTHS, Motion
 from sacha_core.errors import FormatError
 from sacha_core.interchange.splat_ply import read_bound_ply, write_bound_ply
-from sacha_core.npz import read_npz, write_npz
+from sacha_core.npz import as_float32, read_npz, write_npz
 
 __all__ = [
     "model_iterations",
@@ -168,5 +168,4 @@ def write_model(
 def _real(key: str, array: np.ndarray) -> np.ndarray:
     if not (np.issubdtype(array.dtype, np.floating) or np.issubdtype(array.dtype, np.integer)):
         raise FormatError(f"{key} is of {array.dtype}, expected real numbers")
-    with np.errstate(over="ignore"):  # what does not fit becomes infinite, which the motion's check names
-        return np.ascontiguousarray(array, np.float32)
+    return as_float32(array)

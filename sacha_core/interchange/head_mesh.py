@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.errors import FormatError
+from sacha_core.npz import as_float32
 
 __all__ = ["HeadMesh", "read_head_mesh"]
 
@@ -76,7 +77,7 @@ def _read_obj(path: Path) -> HeadMesh:
                 raise FormatError(
                     f"line {number} of {path.name} is no {kind!r} line of an OBJ: {line.strip()[:60]!r}"
                 ) from error
-    return HeadMesh(np.array(vertices, np.float32).reshape(-1, 3), np.array(faces, np.int32).reshape(-1, 3))
+    return HeadMesh(as_float32(np.array(vertices, np.float64).reshape(-1, 3)), np.array(faces, np.int32).reshape(-1, 3))
 
 
 def _obj_index(corner: str, n_vertices: int) -> int:
@@ -94,7 +95,7 @@ def _read_ply(path: Path) -> HeadMesh:
     try:
         with path.open("rb") as file:
             mesh: Any = trimesh.load(file, file_type="ply", process=False, force="mesh")
-        return HeadMesh(np.array(mesh.vertices, np.float32), np.array(mesh.faces, np.int32))
+        return HeadMesh(as_float32(np.array(mesh.vertices, np.float64)), np.array(mesh.faces, np.int32))
     except OSError:
         raise
     except Exception as error:  # hostile bytes can make a foreign reader raise anything

@@ -69,16 +69,10 @@ class _Pose(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, poser: Poser, expression: Tensor, pose: Tensor, translation: Tensor) -> Tensor:
-        dtype = poser.template.dtype
-        n_joints = len(poser.parents)
         psi = np.ascontiguousarray(expression.detach().numpy())
-        vectors = pose.detach().numpy().reshape(5, 3)[:n_joints]
+        vectors = pose.detach().numpy().reshape(5, 3)[: len(poser.parents)]
         rotations = rotation_vectors_to_matrices(vectors)
-        coefficients = psi
-        if poser.has_correctives:
-            coefficients = np.concatenate([psi, (rotations[1:] - np.eye(3, dtype=dtype)).reshape(-1)])
-        unposed = poser.template + np.einsum("k,kx->x", coefficients, poser.directions).reshape(-1, 3)
-        joints = poser.joints + np.einsum("jce,e->jc", poser.joint_directions, psi)
+        unposed, joints = poser.unposed(psi, rotations)
         transforms = joint_transforms(rotations, joints, poser.parents)
         posed = np.empty_like(unposed)
         kernels.skin(unposed, poser.weights, transforms, translation.detach().numpy(), posed)

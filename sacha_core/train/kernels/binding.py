@@ -169,9 +169,8 @@ def to_world_backward(
                 g_f_origin[f, c] += g
                 for m in range(3):
                     g_f_rotation[f, c, m] += k * g * position[i, m]
-            g_f_quaternion[f, 0] += (
-                hw * w + hx * x + hy * y + hz * z
-            )  # the gradient times the conjugate of the Gaussian's own
+            # The gradient times the conjugate of the Gaussian's own
+            g_f_quaternion[f, 0] += hw * w + hx * x + hy * y + hz * z
             g_f_quaternion[f, 1] += -hw * x + hx * w - hy * z + hz * y
             g_f_quaternion[f, 2] += -hw * y + hx * z + hy * w - hz * x
             g_f_quaternion[f, 3] += -hw * z - hx * y + hy * x + hz * w
