@@ -79,7 +79,10 @@ def train(
     """
     folder = Path(out)
     if capture.head is not None and capture.head.sha256 != head.reference.sha256:
-        raise HeadError(f"{capture.root} was tracked with head {capture.head.name!r}, not with {head.name!r}")
+        raise HeadError(
+            f"{capture.root} was tracked with head {capture.head.name!r} (SHA-256 {capture.head.sha256[:12]}...),"
+            f" not with {head.name!r} ({head.reference.sha256[:12]}...)"
+        )
     with one_torch_thread():
         run = Run(capture, head, options, folder, report)
         run.begin(resume, None if start_from is None else Path(start_from))

@@ -27,6 +27,7 @@ CHECKPOINTS = 8  # at least so many in any run
 RECOVERY = 500  # iterations that a short run keeps after its last pruning
 # tau0 does not transfer: gradients of a fit still rough are larger, and 3e-4 lets nearly every Gaussian grow
 SHORT_THRESHOLD = 4.5e-4
+SHORT_RATIO = 0.16  # a prune takes longer to heal than a short run has between two: rho0 of 0.2 costs 0.15 dB more on training views
 
 
 def preset(name: str = "paper") -> TrainOptions:
@@ -42,7 +43,7 @@ def scaled(iterations: int, name: str = "sacha", options: TrainOptions | None = 
     """Give the same method in fewer iterations: every event at the same fraction of the run, and what does not scale set anew.
 
     A sensitivity must be able to move as far, so its rate grows as the run shrinks. Below 20,000 iterations, besides: the threshold is that
-    which about 40 densifications need; opacity is reset when densification starts and once more in warm-up, as later resets cost more than
+    which about 40 densifications need, and prunings take less; opacity is reset when densification starts and once more in warm-up, as later resets cost more than
     a short run can win back; at least 500 iterations follow the last pruning.
 
     Args:
@@ -81,8 +82,15 @@ def scaled(iterations: int, name: str = "sacha", options: TrainOptions | None = 
         size_prune_from=at(whole.size_prune_from),
     )
     rates = replace(base.rates, sensitivity_logit=1e-4 * WHOLE / iterations)
-    density = base.density
+    density, pruning = base.density, base.pruning
     if short:
+        share = SHORT_RATIO / pruning.ratio
+        pruning = replace(
+            pruning,
+            ratio=SHORT_RATIO,
+            ratio_lowest=pruning.ratio_lowest * share,
+            ratio_highest=pruning.ratio_highest * share,
+        )
         factor = SHORT_THRESHOLD / density.threshold
         density = replace(
             density,
@@ -92,7 +100,7 @@ def scaled(iterations: int, name: str = "sacha", options: TrainOptions | None = 
         )
     importance = replace(base.importance, views=120) if short else base.importance
     every_checkpoint = max(1, min(base.checkpoint_every, iterations // CHECKPOINTS))
-    chosen = replace(base, schedule=schedule, rates=rates, density=density, importance=importance)
+    chosen = replace(base, schedule=schedule, rates=rates, density=density, pruning=pruning, importance=importance)
     return variant(replace(chosen, checkpoint_every=every_checkpoint), name)
 
 
