@@ -27,6 +27,7 @@ CHECKPOINTS = 8  # at least so many in any run
 RECOVERY = 500  # iterations that a short run keeps after its last pruning
 # tau0 does not transfer: gradients of a fit still rough are larger, and 3e-4 lets nearly every Gaussian grow
 SHORT_THRESHOLD = 4.5e-4
+SHORT_VIEWS = 120  # for the importance score; 60 or 360 rank alike
 SHORT_RATIO = 0.16  # a prune takes longer to heal than a short run has between two: rho0 of 0.2 costs 0.15 dB more on training views
 
 
@@ -43,8 +44,8 @@ def scaled(iterations: int, name: str = "sacha", options: TrainOptions | None = 
     """Give the same method in fewer iterations: every event at the same fraction of the run, and what does not scale set anew.
 
     A sensitivity must be able to move as far, so its rate grows as the run shrinks. Below 20,000 iterations, besides: the threshold is that
-    which about 40 densifications need, and prunings take less; opacity is reset when densification starts and once more in warm-up, as later resets cost more than
-    a short run can win back; at least 500 iterations follow the last pruning.
+    which about 40 densifications need, and a pruning takes less; opacity is reset when densification starts and once more in warm-up, as
+    later resets cost more than a short run can win back; at least 500 iterations follow the last pruning.
 
     Args:
         iterations: length of the run.
@@ -54,54 +55,65 @@ def scaled(iterations: int, name: str = "sacha", options: TrainOptions | None = 
     Raises:
         OptionError: no variant has that name, or `iterations` is not positive.
 
-    Source: own measurements on runs of 4,000 iterations.
+    Source: own measurements on runs of 3,000 to 6,000 iterations.
     """
-    base = TrainOptions() if options is None else options
     if iterations < 1:
         raise OptionError(f"iterations is {iterations}, expected at least 1")
-    whole = Schedule()
-    short = iterations < SHORT
+    base = TrainOptions() if options is None else options
+    chosen = replace(
+        base,
+        schedule=_scaled_schedule(iterations),
+        rates=replace(base.rates, sensitivity_logit=1e-4 * WHOLE / iterations),
+        checkpoint_every=max(1, min(base.checkpoint_every, iterations // CHECKPOINTS)),
+    )
+    return variant(_short(chosen) if iterations < SHORT else chosen, name)
+
+
+def _scaled_schedule(iterations: int) -> Schedule:
+    """Give the paper's schedule at the same fractions of a run, with the exceptions of a short one."""
 
     def at(moment: int) -> int:
         return max(1, round(moment * iterations / WHOLE))
 
-    every = max(1, iterations // SHORT_DENSIFICATIONS) if short else at(whole.densify_every)
-    warm_up = at(whole.warm_up)
-    last = min(at(whole.calibrations[-1]), max(warm_up, iterations - RECOVERY)) if short else at(whole.calibrations[-1])
+    whole, short = Schedule(), iterations < SHORT
+    warm_up, last = at(whole.warm_up), at(whole.calibrations[-1])
+    if short:
+        last = min(last, max(warm_up, iterations - RECOVERY))
     steps = len(whole.calibrations) - 1
-    schedule = Schedule(
+    return Schedule(
         iterations=iterations,
         position_decay=iterations,
         sh_every=max(1, iterations // 12) if short else whole.sh_every,
         densify_from=at(whole.densify_from),
-        densify_every=every,
+        densify_every=max(1, iterations // SHORT_DENSIFICATIONS) if short else at(whole.densify_every),
         densify_until=iterations,
         warm_up=warm_up,
         calibrations=tuple(sorted({warm_up + round((last - warm_up) * step / steps) for step in range(steps + 1)})),
-        opacity_resets=tuple(sorted({at(x) for x in whole.opacity_resets[: 2 if short else None]})),
+        opacity_resets=tuple(sorted({at(moment) for moment in whole.opacity_resets[: 2 if short else None]})),
         size_prune_from=at(whole.size_prune_from),
     )
-    rates = replace(base.rates, sensitivity_logit=1e-4 * WHOLE / iterations)
-    density, pruning = base.density, base.pruning
-    if short:
-        share = SHORT_RATIO / pruning.ratio
-        pruning = replace(
-            pruning,
-            ratio=SHORT_RATIO,
-            ratio_lowest=pruning.ratio_lowest * share,
-            ratio_highest=pruning.ratio_highest * share,
-        )
-        factor = SHORT_THRESHOLD / density.threshold
-        density = replace(
+
+
+def _short(options: TrainOptions) -> TrainOptions:
+    """Give the options with the thresholds, ratios and views of a short run."""
+    density, pruning = options.density, options.pruning
+    steeper, gentler = SHORT_THRESHOLD / density.threshold, SHORT_RATIO / pruning.ratio
+    return replace(
+        options,
+        density=replace(
             density,
             threshold=SHORT_THRESHOLD,
-            threshold_lowest=density.threshold_lowest * factor,
-            threshold_highest=density.threshold_highest * factor,
-        )
-    importance = replace(base.importance, views=120) if short else base.importance
-    every_checkpoint = max(1, min(base.checkpoint_every, iterations // CHECKPOINTS))
-    chosen = replace(base, schedule=schedule, rates=rates, density=density, pruning=pruning, importance=importance)
-    return variant(replace(chosen, checkpoint_every=every_checkpoint), name)
+            threshold_lowest=density.threshold_lowest * steeper,
+            threshold_highest=density.threshold_highest * steeper,
+        ),
+        pruning=replace(
+            pruning,
+            ratio=SHORT_RATIO,
+            ratio_lowest=pruning.ratio_lowest * gentler,
+            ratio_highest=pruning.ratio_highest * gentler,
+        ),
+        importance=replace(options.importance, views=SHORT_VIEWS),
+    )
 
 
 def variant(options: TrainOptions, name: str) -> TrainOptions:
