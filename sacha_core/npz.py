@@ -21,9 +21,8 @@ from sacha_core.files import write_aside
 
 __all__ = ["as_float32", "read_npz", "write_npz"]
 
-MAX_BYTES = (
-    1 << 32
-)  # FLAME with all components takes 0.05 GB, an hour of motion as much, a checkpoint of a large avatar 1 GB
+# FLAME with all components takes 0.05 GB, an hour of motion as much, a checkpoint of a large avatar 1 GB
+MAX_BYTES = 1 << 32
 DEFLATE_RATIO = 1100  # deflate cannot do better than 1032 to 1, so a member that claims more is lying
 FAULTS = (  # what zipfile and numpy.lib.format raise on hostile bytes
     zipfile.BadZipFile, tokenize.TokenError, zlib.error, lzma.LZMAError, struct.error, EOFError, ValueError, KeyError,

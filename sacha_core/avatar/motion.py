@@ -12,9 +12,8 @@ from sacha_core.errors import FormatError
 __all__ = ["Motion"]
 
 STATIC = ("shape", "static_offset")
-LARGEST = (
-    2.0**30
-)  # no such length, angle or coefficient is a head's, and from a little above float32 cannot hold their products
+# No such length, angle or coefficient is a head's, and from a little above float32 cannot hold their products
+LARGEST = 2.0**30
 
 
 @dataclass(frozen=True)
