@@ -95,7 +95,7 @@ SCRIPTS: dict[str, tuple[Pose, ...]] = {
         turned(SMILE, -10.0, -14.0, -4.0, gaze_deg=(6.0, 8.0)),
         turned(REST, 4.0, -25.0, 0.0, gaze_deg=(0.0, 12.0)),
         turned(Pose({"cheek_puff": 1.0, "lip_press": 0.5}), 10.0, -8.0, 6.0),
-        turned(Pose({"mouth_left": 0.8, "chin_left": 0.5}), 0.0, 6.0, -8.0),
+        turned(Pose({"mouth_left": 0.8, "jaw_left": 0.5}), 0.0, 6.0, -8.0),
     ),
     "FREE": (
         turned(REST, -2.0, -6.0, 1.0, gaze_deg=(-2.0, 6.0)),

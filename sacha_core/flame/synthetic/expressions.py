@@ -1,4 +1,4 @@
-"""What a face can do: a name and a field for each expression component; 1 is a full movement, without the jaw."""
+"""What a face can do: a name and a field for each expression component; 1 is a full movement, with the jaw closed (opening it is the joint's)."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ _MIDDLE: dict[str, tuple[Push, ...]] = {
         Push(_LOWER_LIP, (0.0130, 0.0060, 0.014), (0.0, 0.0004, 0.0026), lip="lower"),
     ),
     "mouth_left": (Push((0.0, _Y, 0.052), (0.0230, 0.0150, 0.020), (0.0072, 0.0, 0.0)),),
-    "chin_left": (Push((0.0, -0.080, 0.045), (0.0280, 0.0200, 0.030), (0.0060, 0.0, 0.0)),),
+    "jaw_left": (Push((0.0, -0.080, 0.045), (0.0280, 0.0200, 0.030), (0.0060, 0.0, 0.0)),),
     "nostril_flare": (Push((0.0145, -0.021, 0.057), (0.0055, 0.0070, 0.014), (0.0020, 0.0004, -0.0002), "both"),),
     "throat_lower": (Push((0.0, -0.118, 0.005), (0.0200, 0.0140, 0.020), (0.0, -0.0050, 0.0010)),),
 }
