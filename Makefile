@@ -21,7 +21,7 @@ lint: install
 	$(BIN)/lint-imports
 
 bench: install
-	$(BIN)/python benchmarks/raster.py --quick
+	$(BIN)/python benchmarks/raster.py --rounds 9 --plain-rounds 1
 
 install: .venv/.installed
 

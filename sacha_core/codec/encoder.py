@@ -97,7 +97,8 @@ def check_head(avatar: Avatar, head: HeadModel | None, embed_head: bool) -> None
     if embed_head and head is None:
         raise HeadError(f"to embed the head {avatar.head.name!r} it has to be given")
     if head is not None and head.reference.sha256 != avatar.head.sha256:
-        raise HeadError(f"the avatar is bound to head {avatar.head.name!r}, another one, {head.name!r}, was given")
+        named = [f"{reference.name!r} (SHA-256 {reference.sha256[:12]}...)" for reference in (avatar.head, head.reference)]
+        raise HeadError(f"the avatar is bound to head {named[0]}, another one, {named[1]}, was given")
 
 
 def visible(opacity_logit: Float[np.ndarray, " n"], n_steps: int) -> Bool[np.ndarray, " n"]:
