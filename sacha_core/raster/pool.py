@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
 import os
+from collections import deque
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 
 from sacha_core.errors import OptionError
 
@@ -42,16 +42,25 @@ class Pool:
         self._executor = ThreadPoolExecutor(self.threads - 1, "sacha-raster") if self.threads > 1 else None
 
     def run(self, task: Callable[[int, int], None], jobs: int) -> None:
-        """Call task(worker, job) once for every job; `worker` (0 to threads - 1) names space that no other call uses meanwhile."""
-        counter = itertools.count()  # next() is one step under Python's lock
+        """Call task(worker, job) once for every job; `worker` (0 to threads - 1) names space that no other call uses meanwhile.
+
+        When a job fails, or whoever waits interrupts, jobs that have begun are finished, no other begins, and the error is raised.
+        """
+        waiting = iter(range(jobs))  # taking the next is one step under Python's lock
 
         def work(worker: int) -> None:
-            while (job := next(counter)) < jobs:
-                task(worker, job)
+            try:
+                for job in waiting:
+                    task(worker, job)
+            finally:
+                deque(waiting, maxlen=0)  # empty already, unless a job failed
 
         others = []
         if self._executor is not None:
             others = [self._executor.submit(work, worker) for worker in range(1, min(self.threads, jobs))]
-        work(0)
+        try:
+            work(0)
+        finally:
+            wait(others)
         for other in others:
             other.result()
