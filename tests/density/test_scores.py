@@ -83,6 +83,12 @@ def test_rounding_keeps_six_digits(values) -> None:
         assert short == pytest.approx(float(f"{value:.5e}"), rel=1e-14, abs=0)
 
 
+def test_rounding_of_numbers_at_the_edge_of_float64() -> None:
+    assert rounded(np.array([0.0, 5e-324, 1e-305, 1.2345678e-299, 1.7e308])).tolist() == pytest.approx(
+        [0, 0, 0, 1.23457e-299, 1.7e308], rel=1e-14, abs=0
+    )
+
+
 def test_rounding_ends_noise_between_near_ties() -> None:
     noisy = 123.456 * (1 + np.random.default_rng(2).normal(0, 1e-9, 100))
     assert len(set(rounded(noisy))) == 1

@@ -7,6 +7,8 @@ from jaxtyping import Float
 
 __all__ = ["rounded"]
 
+SMALLEST = 1e-300  # the unit of a smaller number would be none itself; it is rounded to 0
+
 
 def rounded(score: Float[np.ndarray, " n"], digits: int = 6) -> Float[np.ndarray, " n"]:
     """Round to a number of significant digits, so that float noise in sums cannot swap near ties.
@@ -16,7 +18,7 @@ def rounded(score: Float[np.ndarray, " n"], digits: int = 6) -> Float[np.ndarray
         digits: significant decimal digits to keep.
     """
     value = np.asarray(score, np.float64)
-    mantissa, exponent = np.frexp(value)
-    step = np.power(10.0, np.floor(np.log10(np.ldexp(mantissa, exponent), where=value > 0, out=np.zeros_like(value))))
-    unit = step / 10.0 ** (digits - 1)
-    return np.rint(value / unit) * unit
+    exponent = np.floor(np.log10(value, where=value >= SMALLEST, out=np.zeros_like(value)))
+    unit = np.power(10.0, exponent - (digits - 1))
+    short: np.ndarray = np.rint(value / unit) * unit
+    return short
