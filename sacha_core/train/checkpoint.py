@@ -15,7 +15,7 @@ from sacha_core.npz import read_npz, write_npz
 from sacha_core.train.options import TrainOptions, from_record
 from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, TrainState
 
-__all__ = ["Checkpoint", "differing", "read_checkpoint", "write_checkpoint"]
+__all__ = ["Checkpoint", "differing", "read_checkpoint", "require_fit", "write_checkpoint"]
 
 VERSION = 1
 VALUES = (*ATTRIBUTES, *FITTED_MOTION)
@@ -24,8 +24,7 @@ PLAIN = ("binding", "gradient_sum", "gradient_count", "thresholds", "ratios")
 
 ELSEWHERE = ("threads", "checkpoint_every", "image_cache_bytes")  # change nothing in the result
 AFTER_WARM_UP = (
-    "variant", "pruning", "importance", "density.by_region", "density.means", "density.guard_faint",
-    "schedule.calibrations", "schedule.densify_until",
+    "variant", "pruning", "importance", "density.by_region", "density.means", "density.guard_faint", "schedule.calibrations",
 )  # fmt: skip
 
 
@@ -96,7 +95,9 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
 
 
 def _check(path: str | os.PathLike[str], state: TrainState) -> None:
-    """Refuse arrays that do not belong together."""
+    """Refuse arrays that do not belong together, and counts that are none."""
+    if min(state.iteration, *state.steps.values()) < 0:
+        raise FormatError(f"{path}: iteration {state.iteration} with steps {state.steps}, expected none below 0")
     if state.binding.ndim != 1 or state.binding.dtype != np.int32:
         raise FormatError(f"{path}: binding is {state.binding.dtype} {state.binding.shape}, expected (n,) int32")
     for name in ("gradient_sum", "gradient_count"):
@@ -113,6 +114,32 @@ def _check(path: str | os.PathLike[str], state: TrainState) -> None:
                 )
 
 
+def require_fit(path: str | os.PathLike[str], state: TrainState, fresh: TrainState, n_faces: int) -> None:
+    """Refuse a state that cannot be of this run, whatever its header says.
+
+    Args:
+        path: of the checkpoint.
+        state: as read.
+        fresh: what the run would begin with.
+        n_faces: triangles of its head.
+
+    Raises:
+        FormatError: an array has not the shape or type that this run's has, or a Gaussian is bound to no triangle.
+    """
+    for name in VALUES:
+        have, want = state.values[name].shape, fresh.values[name].shape
+        if have[1:] != want[1:] or (name in FITTED_MOTION and have != want):
+            raise FormatError(
+                f"{path}: {name} is {have}, expected {want if name in FITTED_MOTION else ('n', *want[1:])}"
+            )
+    for name in ("gradient_sum", "gradient_count", "thresholds", "ratios"):
+        array, like = getattr(state, name), getattr(fresh, name)
+        if array.dtype != like.dtype or (name in {"thresholds", "ratios"} and array.shape != like.shape):
+            raise FormatError(f"{path}: {name} is {array.dtype} {array.shape}, expected {like.dtype} {like.shape}")
+    if len(state) and not (state.binding.min() >= 0 and state.binding.max() < n_faces):
+        raise FormatError(f"{path}: a Gaussian is bound to a triangle outside 0 to {n_faces - 1}")
+
+
 def differing(a: TrainOptions, b: TrainOptions, until_warm_up: bool = False) -> str | None:
     """Name the first option in which two runs differ, and both values; None where they are the same to the bit.
 
@@ -123,6 +150,9 @@ def differing(a: TrainOptions, b: TrainOptions, until_warm_up: bool = False) -> 
     """
     ignored = ELSEWHERE + (AFTER_WARM_UP if until_warm_up else ())
     first, second = flat(a.record()), flat(b.record())
+    if until_warm_up:
+        for record in (first, second):
+            record["schedule.densify_until"] = min(record["schedule.densify_until"], record["schedule.warm_up"])
     for name, value in first.items():
         if name in ignored or name.split(".", maxsplit=1)[0] in ignored:
             continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import time
 from dataclasses import dataclass, field, replace
@@ -11,17 +12,17 @@ from typing import Any
 import numpy as np
 
 from sacha_core.avatar.binding import initial_gaussians
-from sacha_core.avatar.motion import Motion
 from sacha_core.density.events import Event, write_events
 from sacha_core.density.scores_file import Scores, write_scores
 from sacha_core.errors import DatasetError, HeadError, OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.interchange.capture import Capture
+from sacha_core.interchange.gaussian_avatars import model_iterations
 from sacha_core.progress import Progress, Report, silent
 from sacha_core.raster.pool import Pool
 from sacha_core.train import density_control as control
-from sacha_core.train.checkpoint import Checkpoint, differing, read_checkpoint, write_checkpoint
+from sacha_core.train.checkpoint import Checkpoint, differing, read_checkpoint, require_fit, write_checkpoint
 from sacha_core.train.optimiser import adam, position_rate
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.output import (
@@ -30,6 +31,7 @@ from sacha_core.train.output import (
     SCORES,
     WARM_UP_CHECKPOINT,
     TrainedModel,
+    discard,
     write_outcome,
     write_plan,
 )
@@ -37,7 +39,7 @@ from sacha_core.train.regions import head_regions
 from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, TrainState, initial_state
 from sacha_core.train.step import Drawing, Outcome, Stage
 from sacha_core.train.threads import one_torch_thread
-from sacha_core.train.views import TrainingViews, epoch_order, evenly_spaced
+from sacha_core.train.views import TrainingViews, epoch_order, spread_views
 
 __all__ = ["train"]
 
@@ -64,7 +66,7 @@ def train(
         options: of the run.
         out: folder that the model goes to; a checkpoint in it is where an interrupted run goes on.
         report: told about progress.
-        resume: whether to go on from a checkpoint in `out`; if not, the run begins anew.
+        resume: whether to go on from a checkpoint in `out`; if not, the run begins anew, and what an earlier one left there goes.
         start_from: checkpoint of another run, not beyond its warm-up, to begin with: variants that differ only later share their warm-up.
 
     Returns:
@@ -73,7 +75,8 @@ def train(
     Raises:
         HeadError: the head is not the capture's, or lacks masks.
         OptionError: `out` holds another run, or `start_from` does not lead to this one; the message names the option.
-        DatasetError: an image cannot be decoded.
+        DatasetError: an image cannot be decoded, or the cameras stand in one place.
+        GeometryError: a timestep's pose makes a triangle degenerate.
         FormatError: a checkpoint is damaged.
         OSError: `out` cannot be written.
     """
@@ -126,14 +129,17 @@ class Run:
         own = self.folder / CHECKPOINT
         if resume and own.exists():
             self._take(read_checkpoint(own), own, until_warm_up=False)
-        elif start_from is not None:
-            self._take(read_checkpoint(start_from), start_from, until_warm_up=True)
         else:
-            density, pruning, motion = self.options.density, self.options.pruning, self.capture.motion
-            rng = np.random.default_rng([self.options.seed, 0])
-            gaussians = initial_gaussians(self.head.n_faces, rng, self.options.sh_degree)
-            bases = (density.threshold, pruning.ratio)
-            self.state = initial_state(gaussians, motion, self.regions.n_regions, *bases)
+            if resume and (found := model_iterations(self.folder)):
+                raise OptionError(
+                    f"{self.folder} holds a model of {max(found)} iterations, but not the checkpoint to go on from; "
+                    "choose another folder, or begin anew"
+                )
+            if start_from is not None:
+                self._take(read_checkpoint(start_from), start_from, until_warm_up=True)
+            else:
+                self.state = self._fresh()
+            discard(self.folder)
         write_plan(self.folder, self.options, self.head.reference)
 
     def finish(self) -> TrainedModel:
@@ -199,18 +205,17 @@ class Run:
         self.events.append(control.calibrate(state, options, self.regions, seen))
         if seen is None:
             return frozenset()
-        score = control.importance(state, options, seen, self.rest_scale)
+        score, before = control.importance(state, options, seen, self.rest_scale), state.gaussians()
+        if prunes:
+            self.events.append(control.prune(state, options, self.regions, score))
         if is_last:
             facts = (self.head.n_faces, options.scheme, tuple(self.events))
-            write_scores(self.folder / SCORES, Scores(state.gaussians(), score, *facts))
-        if not prunes:
-            return frozenset()
-        self.events.append(control.prune(state, options, self.regions, score))
-        return frozenset(ATTRIBUTES)
+            write_scores(self.folder / SCORES, Scores(before, score, *facts))
+        return frozenset(ATTRIBUTES) if prunes else frozenset()
 
     def _look(self, degree: int) -> control.SeenWeights:
         """Sum blending weights over training views, in float64."""
-        chosen = evenly_spaced(self.views.views, self.options.importance.views)
+        chosen = spread_views(self.views.views, self.options.importance.views)
         weights = np.zeros((len(self.state), 2))
         for done, index in enumerate(chosen, 1):
             weights += self.stage.weights(self.state, self.views[index], degree)
@@ -250,6 +255,13 @@ class Run:
         if done % self.options.checkpoint_every == 0 or done == schedule.iterations:
             write_checkpoint(self.folder / CHECKPOINT, checkpoint)
 
+    def _fresh(self) -> TrainState:
+        """Give the state before the first iteration."""
+        rng = np.random.default_rng([self.options.seed, 0])
+        gaussians = initial_gaussians(self.head.n_faces, rng, self.options.sh_degree)
+        bases = (self.options.density.threshold, self.options.pruning.ratio)
+        return initial_state(gaussians, self.capture.motion, self.regions.n_regions, *bases)
+
     def _take(self, checkpoint: Checkpoint, path: Path, until_warm_up: bool) -> None:
         """Go on from a checkpoint, if it leads to this run."""
         if checkpoint.data != self.data:
@@ -261,11 +273,11 @@ class Run:
             raise OptionError(
                 f"{path} is at iteration {checkpoint.state.iteration}, expected one before {end}, where warm-up ends"
             )
+        fresh = self._fresh()
+        require_fit(path, checkpoint.state, fresh, self.head.n_faces)
         self.state, self.events = checkpoint.state, list(checkpoint.events)
         if until_warm_up:
-            bases = (self.options.density.threshold, self.options.pruning.ratio)
-            r = self.regions.n_regions
-            self.state = replace(self.state, thresholds=np.full(r, bases[0]), ratios=np.full(r, bases[1]))
+            self.state = replace(self.state, thresholds=fresh.thresholds, ratios=fresh.ratios)
 
 
 def scene_extent(capture: Capture) -> float:
@@ -281,7 +293,31 @@ def scene_extent(capture: Capture) -> float:
 
 
 def fingerprint(capture: Capture, head: HeadModel) -> dict[str, Any]:
-    """Give what must be the same for a run to go on."""
-    motion: Motion = capture.motion
-    dynamic = float(sum(np.abs(getattr(motion, name)).sum(dtype=np.float64) for name in FITTED_MOTION))
-    return {"head": head.reference.sha256, "views": len(capture.train), "timesteps": len(motion), "motion_sum": dynamic}
+    """Give what must be the same for a run to go on; images are told by their sizes on disk.
+
+    Raises:
+        OSError: an image is not there.
+    """
+    motion, digest = capture.motion, hashlib.sha256()
+    for name in ("shape", "static_offset", *FITTED_MOTION):
+        digest.update(np.ascontiguousarray(getattr(motion, name)).tobytes())
+    for view in capture.train:
+        c = view.camera
+        numbers = (
+            view.timestep,
+            view.camera_index,
+            view.image_path.stat().st_size,
+            c.width,
+            c.height,
+            c.fx,
+            c.fy,
+            c.cx,
+            c.cy,
+        )
+        digest.update(np.array([*numbers, *np.ravel(c.rotation), *np.ravel(c.translation)], np.float64).tobytes())
+    return {
+        "head": head.reference.sha256,
+        "views": len(capture.train),
+        "timesteps": len(motion),
+        "sha256": digest.hexdigest(),
+    }

@@ -147,7 +147,7 @@ class ImportanceOptions:
     """How the importance score is made.
 
     Args:
-        views: training views, evenly spaced over (timestep, camera), that weights are summed over.
+        views: how many training views, about, weights are summed over: all those of evenly spaced timesteps.
         pixel_factor: lambda_S.
         gaussian_factor: lambda_a.
         volume_space: whether volumes are compared in local units or in metres of the neutral head.
@@ -216,7 +216,10 @@ class TrainOptions:
         for name in ("width", "height"):
             size = getattr(self, name)
             _require(size is None or size >= 16, name, size, "at least 16 pixels")
-        _require(0 <= self.pruning.ratio < 1, "pruning.ratio", self.pruning.ratio, "0 to below 1")
+        earliest = min(schedule.calibrations, default=schedule.warm_up)
+        _require(earliest >= schedule.warm_up, "schedule.calibrations", schedule.calibrations,
+                 f"none before schedule.warm_up, {schedule.warm_up}")  # fmt: skip
+        _require(0 < self.pruning.ratio < 1, "pruning.ratio", self.pruning.ratio, "above 0 and below 1")
         _require(0 <= self.pruning.ratio_lowest <= self.pruning.ratio_highest <= 1, "pruning.ratio_lowest",
                  self.pruning.ratio_lowest, "0 to pruning.ratio_highest, which is at most 1")  # fmt: skip
         _require(0 < self.density.threshold < float("inf"), "density.threshold", self.density.threshold, "above 0")

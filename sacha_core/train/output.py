@@ -11,10 +11,19 @@ from sacha_core.avatar.motion import Motion
 from sacha_core.density.events import Event, write_events
 from sacha_core.files import write_aside
 from sacha_core.flame.model import HeadReference
-from sacha_core.interchange.gaussian_avatars import write_model
+from sacha_core.interchange.gaussian_avatars import PARAMETERS_NAME, PLY_NAME, model_iterations, write_model
 from sacha_core.train.options import TrainOptions
 
-__all__ = ["CHECKPOINT", "EVENTS", "SCORES", "WARM_UP_CHECKPOINT", "TrainedModel", "write_outcome", "write_plan"]
+__all__ = [
+    "CHECKPOINT",
+    "EVENTS",
+    "SCORES",
+    "WARM_UP_CHECKPOINT",
+    "TrainedModel",
+    "discard",
+    "write_outcome",
+    "write_plan",
+]
 
 CHECKPOINT = "checkpoint.npz"
 WARM_UP_CHECKPOINT = "checkpoint_warm_up.npz"
@@ -39,6 +48,23 @@ class TrainedModel:
     gaussians: Gaussians
     motion: Motion
     events: tuple[Event, ...]
+
+
+def discard(folder: Path) -> None:
+    """Remove what an earlier run left in a folder and the next would not overwrite, so that nobody takes it for the next one's.
+
+    The checkpoint at the end of warm-up stays: it says itself whose it is, and other runs may begin with it.
+
+    Raises:
+        OSError: a file cannot be removed.
+    """
+    iterations = model_iterations(folder).values()
+    models = [place / name for place in iterations for name in (PLY_NAME, PARAMETERS_NAME)]
+    for path in (*(folder / name for name in (CHECKPOINT, EVENTS, SCORES)), *models):
+        path.unlink(missing_ok=True)
+    for place in iterations:
+        if not any(place.iterdir()):
+            place.rmdir()
 
 
 def write_plan(folder: Path, options: TrainOptions, head: HeadReference) -> None:

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 
 from sacha_core.avatar.motion import Motion
+from sacha_core.errors import GeometryError
 from sacha_core.flame.model import HeadModel
 from sacha_core.perception.image_loss import ImageLoss
 from sacha_core.raster.camera import Camera
@@ -102,7 +103,7 @@ class Stage:
             learn: whether `judge` will follow.
 
         Raises:
-            GeometryError: the pose makes a triangle degenerate.
+            GeometryError: the pose makes a triangle degenerate; the message names both.
         """
         values = state.values
         local = {name: torch.from_numpy(values[name]) for name in ("position", "log_scale", "quaternion")}
@@ -110,7 +111,10 @@ class Stage:
         leaves = {**local, **pose} if self._fine_tune else local
         for tensor in leaves.values():
             tensor.requires_grad_(learn)
-        frames = triangle_frames(self._poser(**pose), self._faces)
+        try:
+            frames = triangle_frames(self._poser(**pose), self._faces)
+        except GeometryError as error:
+            raise GeometryError(f"timestep {timestep}: {error}") from error
         world = to_world(local["position"], local["log_scale"], local["quaternion"], state.binding, frames)
         made = (world.means, world.scales, world.quaternions)
         means, scales, quaternions = (tensor.detach().numpy() for tensor in made)

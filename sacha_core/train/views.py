@@ -15,7 +15,7 @@ from sacha_core.progress import Progress, Report, silent
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.pool import Pool
 
-__all__ = ["Box", "Target", "TrainingViews", "epoch_order", "evenly_spaced"]
+__all__ = ["Box", "Target", "TrainingViews", "epoch_order", "spread_views"]
 
 WHITE = 255
 Box = tuple[int, int, int, int]  # left, top, right, bottom; pixels, exclusive
@@ -121,8 +121,14 @@ def epoch_order(n_views: int, seed: int, epoch: int) -> Int[np.ndarray, " n"]:
     return np.random.default_rng([seed, epoch, 1]).permutation(n_views)
 
 
-def evenly_spaced(views: tuple[View, ...], count: int) -> list[int]:
-    """Give the indices of at most `count` views, evenly spaced over (timestep, camera)."""
+def spread_views(views: tuple[View, ...], count: int) -> list[int]:
+    """Give the indices of about `count` views: all those of evenly spaced timesteps, by timestep and camera.
+
+    Views evenly spaced over (timestep, camera) would go by cameras in step wherever the spacing is near a multiple of their number: each
+    camera would then look at a stretch of the motion of its own.
+    """
+    timesteps = sorted({view.timestep for view in views})
+    wanted = min(max(round(count * len(timesteps) / len(views)), 1), len(timesteps))
+    chosen = {timesteps[i] for i in np.linspace(0, len(timesteps) - 1, wanted).round().astype(int)}
     order = sorted(range(len(views)), key=lambda i: (views[i].timestep, views[i].camera_index))
-    chosen = np.unique(np.linspace(0, len(order) - 1, min(count, len(order))).round().astype(int))
-    return [order[i] for i in chosen]
+    return [i for i in order if views[i].timestep in chosen]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from sacha_core.avatar.motion import Motion
 from sacha_core.density.events import OpacityReset
 from sacha_core.errors import FormatError
 from sacha_core.npz import read_npz, write_npz
-from sacha_core.train.checkpoint import Checkpoint, differing, read_checkpoint, write_checkpoint
+from sacha_core.train.checkpoint import Checkpoint, differing, read_checkpoint, require_fit, write_checkpoint
 from sacha_core.train.presets import scaled
 from sacha_core.train.state import initial_state
 
@@ -47,13 +48,39 @@ def test_a_checkpoint_comes_back_and_is_written_the_same_again(path: Path) -> No
         ("second.position", np.zeros((7, 2), np.float32)),
         ("first.opacity_logit", np.zeros(7)),
         ("gradient_sum", np.zeros(3, np.float32)),
+        ("header", {"iteration": -1}),
+        ("header", {"steps": {"gaussians": -1, "motion": 0}}),
     ],
 )
 def test_damage_is_refused(path: Path, name, value) -> None:
     arrays = {key: array for key, array in read_npz(path).items() if key != name}
+    if isinstance(value, dict):
+        value = np.array(json.dumps(json.loads(str(read_npz(path)["header"])) | value))
     write_npz(path, arrays | ({} if value is None else {name: value}))
     with pytest.raises(FormatError, match=r"c\.npz"):
         read_checkpoint(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("binding", np.full(7, 7, np.int32), "triangle"),
+        ("binding", np.full(7, -1, np.int32), "triangle"),
+        ("values.sh_rest", np.zeros((7, 3, 3), np.float32), "sh_rest"),
+        ("values.expression", np.zeros((3, 3), np.float32), "expression"),
+        ("thresholds", np.zeros(7), "thresholds"),
+        ("ratios", np.zeros(8, np.float32), "ratios"),
+        ("gradient_count", np.zeros(7), "gradient_count"),
+    ],
+)
+def test_what_is_whole_but_of_another_run_is_refused(path: Path, name, value, message) -> None:
+    """A checkpoint with a right header whose arrays would take the kernels out of bounds."""
+    fresh = initial_state(initial_gaussians(7, np.random.default_rng(1)), Motion.rest(0, 2, 3), 8, 3e-4, 0.2)
+    require_fit(path, read_checkpoint(path).state, fresh, 7)
+    both = {name.replace("values", kind): value for kind in ("values", "first", "second")}
+    write_npz(path, read_npz(path) | both)
+    with pytest.raises(FormatError, match=rf"c\.npz: .*{message}"):
+        require_fit(path, read_checkpoint(path).state, fresh, 7)
 
 
 def test_a_difference_is_named_and_what_changes_nothing_is_none() -> None:
@@ -64,3 +91,5 @@ def test_a_difference_is_named_and_what_changes_nothing_is_none() -> None:
         assert differing(a, scaled(6000, name)) is not None
         assert differing(a, scaled(6000, name), until_warm_up=True) is None
     assert differing(a, scaled(6000, "ga"), until_warm_up=True) is not None
+    sooner = replace(a, schedule=replace(a.schedule, densify_until=a.schedule.warm_up - 1))
+    assert "densify_until" in (differing(a, sooner, until_warm_up=True) or "")

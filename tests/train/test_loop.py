@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,8 +13,9 @@ import pytest
 
 from sacha_core.density.events import Calibration, Densification, OpacityReset, Pruning, parse_events
 from sacha_core.density.scores_file import read_scores
-from sacha_core.errors import DatasetError, HeadError, OptionError
+from sacha_core.errors import DatasetError, GeometryError, HeadError, OptionError
 from sacha_core.interchange.gaussian_avatars import read_model
+from sacha_core.train.checkpoint import read_checkpoint
 from sacha_core.train.loop import train
 from sacha_core.train.options import TrainOptions, from_record
 from sacha_core.train.output import CHECKPOINT, EVENTS, SCORES, WARM_UP_CHECKPOINT
@@ -25,8 +28,9 @@ BASE = replace(TrainOptions(), threads=1, sh_degree=1)
 def options(variant: str = "sacha", iterations: int = ITERATIONS, **changes) -> TrainOptions:
     """Give a short run with every kind of event: two calibrations, densifications, resets."""
     made = scaled(iterations, variant, replace(BASE, **changes))
-    end = {"densify_until": 24} if variant == "sacha" else {}
-    schedule = replace(made.schedule, calibrations=(12, 24), densify_every=4, densify_from=3, **end)
+    warm_up = made.schedule.warm_up
+    end = {"densify_until": 2 * warm_up} if variant == "sacha" else {}
+    schedule = replace(made.schedule, calibrations=(warm_up, 2 * warm_up), densify_every=4, densify_from=3, **end)
     return replace(
         made,
         schedule=schedule,
@@ -74,6 +78,73 @@ def test_a_resumed_run_ends_in_the_same_bytes_whatever_the_threads(tiny, finishe
     assert model_bytes(tmp_path) == model_bytes(finished)
 
 
+@pytest.fixture(scope="module")
+def checkpoints(tiny, tmp_path_factory) -> dict[int, Path]:
+    """Give a folder for every iteration, as a run leaves it that is interrupted right after its checkpoint of that iteration."""
+    running, kept = tmp_path_factory.mktemp("running"), tmp_path_factory.mktemp("kept")
+    folders: dict[int, Path] = {}
+
+    def keep(progress) -> None:
+        if (
+            progress.stage == "train" and progress.done > 1
+        ):  # told before the checkpoint of its own iteration is written
+            folders[progress.done - 1] = Path(shutil.copytree(running, kept / str(progress.done - 1)))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sacha_core.train.loop.REPORT_EVERY_S", 0.0)
+        train(tiny.capture, tiny.head, replace(options(), checkpoint_every=1), running, keep)
+    return folders
+
+
+# around the densification of 4, the reset of 7, both calibrations and the end; views are shown in epochs of 12
+@pytest.mark.parametrize("iteration", [1, 3, 4, 6, 7, 11, 12, 13, 23, 24, 25, 39])
+def test_a_run_resumes_to_the_bit_from_any_iteration(tiny, finished, checkpoints, iteration) -> None:
+    train(tiny.capture, tiny.head, options(), checkpoints[iteration])
+    assert model_bytes(checkpoints[iteration]) == model_bytes(finished)
+
+
+def test_a_disk_that_fills_up_costs_the_checkpoint_and_nothing_else(tiny, finished, tmp_path, monkeypatch) -> None:
+    often = replace(options(), checkpoint_every=10)
+    write, written = np.lib.format.write_array, []
+
+    def full_after_a_while(stream, array, **rest) -> None:
+        written.append(array)
+        if len(written) == 60:  # in the midst of the second or third checkpoint
+            stream.write(b"half of it")
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write(stream, array, **rest)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(np.lib.format, "write_array", full_after_a_while)
+        with pytest.raises(OSError, match="No space left"):
+            train(tiny.capture, tiny.head, often, tmp_path)
+    assert {p.name for p in tmp_path.iterdir()} <= {"options.json", "head.json", EVENTS, CHECKPOINT, WARM_UP_CHECKPOINT}
+    assert read_checkpoint(tmp_path / CHECKPOINT).state.iteration == 10
+    train(tiny.capture, tiny.head, often, tmp_path)
+    assert model_bytes(tmp_path) == model_bytes(finished)
+
+
+def test_beginning_anew_leaves_nothing_of_the_earlier_run(tiny, finished, tmp_path) -> None:
+    shutil.copytree(finished, tmp_path, dirs_exist_ok=True)
+    shorter = options(iterations=30)
+    with pytest.raises(OptionError, match="another schedule"):
+        train(tiny.capture, tiny.head, shorter, tmp_path)
+    model = train(tiny.capture, tiny.head, shorter, tmp_path, resume=False)
+    assert [path.name for path in (tmp_path / "point_cloud").iterdir()] == ["iteration_30"]
+    assert np.array_equal(read_model(tmp_path)[0].position, model.gaussians.position)
+    train(tiny.capture, tiny.head, shorter, tmp_path / "alone")
+    alone = model_bytes(tmp_path / "alone")
+    assert {name: data for name, data in model_bytes(tmp_path).items() if not name.startswith("alone")} == alone
+
+
+def test_a_model_without_its_checkpoint_is_not_written_over(tiny, finished, tmp_path) -> None:
+    shutil.copytree(finished, tmp_path, dirs_exist_ok=True)
+    (tmp_path / CHECKPOINT).unlink()
+    with pytest.raises(OptionError, match="a model of 40 iterations, but not the checkpoint"):
+        train(tiny.capture, tiny.head, options(iterations=30), tmp_path)
+    assert model_bytes(tmp_path) == model_bytes(finished)
+
+
 def test_a_finished_run_is_not_run_again_but_written_again(tiny, finished) -> None:
     before = model_bytes(finished)
     stages = set()
@@ -110,11 +181,19 @@ def test_what_lies_in_the_folder(tiny, finished) -> None:
     assert len(scores.gaussians) == sum(last.before)
     assert len(gaussians) == sum(last.after)  # growth has stopped
     assert scores.n_faces == tiny.head.n_faces
+    assert scores.events == tuple(event for event in events if event.iteration < 24) + tuple(
+        event for event in events if event.iteration == 24 and isinstance(event, Calibration | Pruning)
+    )
 
 
-def test_calibration_comes_before_pruning_and_both_before_densification(finished) -> None:
-    events = parse_events((finished / EVENTS).read_text(encoding="utf-8"))
-    assert [type(event) for event in events if event.iteration == 12] == [Calibration, Pruning, Densification]
+def test_calibration_pruning_densification_and_reset_come_in_this_order(tiny, tmp_path) -> None:
+    made = options()
+    made = replace(made, schedule=replace(made.schedule, opacity_resets=(12,)))
+    events = train(tiny.capture, tiny.head, made, tmp_path).events
+    kinds = [type(event) for event in events if event.iteration == 12]
+    assert kinds == [Calibration, Pruning, Densification, OpacityReset]
+    pruned, grown = (event for event in events if event.iteration == 12 and isinstance(event, Pruning | Densification))
+    assert pruned.after == grown.before
 
 
 def test_held_out_timesteps_keep_their_tracked_parameters(tiny, finished) -> None:
@@ -156,6 +235,15 @@ def test_a_branch_must_come_from_its_own_warm_up(tiny, finished, tmp_path) -> No
     other = replace(tiny.capture, train=tiny.capture.train[:-1])
     with pytest.raises(OptionError, match="another capture"):
         train(other, tiny.head, options(), tmp_path, start_from=finished / WARM_UP_CHECKPOINT)
+    moved = replace(tiny.capture.motion, static_offset=np.full((tiny.head.n_vertices, 3), 1e-4, np.float32))
+    with pytest.raises(OptionError, match="another capture"):
+        train(
+            replace(tiny.capture, motion=moved),
+            tiny.head,
+            options(),
+            tmp_path,
+            start_from=finished / WARM_UP_CHECKPOINT,
+        )
     assert not list(tmp_path.iterdir())
 
 
@@ -166,6 +254,39 @@ def test_another_head_and_cameras_in_one_place_are_refused(tiny, tmp_path) -> No
     single = replace(tiny.capture, train=tiny.capture.train[:1])
     with pytest.raises(DatasetError, match="one place"):
         train(single, tiny.head, options(), tmp_path)
+
+
+def test_a_pose_that_flattens_a_triangle_is_named_by_its_timestep(tiny, tmp_path) -> None:
+    to_a_point = tiny.head.exprdirs.copy()
+    to_a_point[:, :, 0] = -tiny.head.v_template
+    head = replace(tiny.head, exprdirs=to_a_point)
+    expression = tiny.capture.motion.expression.copy()
+    expression[1, 0] = 1
+    capture = replace(tiny.capture, head=head.reference, motion=replace(tiny.capture.motion, expression=expression))
+    with pytest.raises(GeometryError, match="timestep 1: triangle 0"):
+        train(capture, head, options(), tmp_path)
+
+
+def test_a_head_without_masks_is_refused(tiny, tmp_path) -> None:
+    with pytest.raises(HeadError, match="no vertex mask"):
+        train(tiny.capture, replace(tiny.head, masks={}), options(), tmp_path)
+
+
+def test_cameras_that_see_nothing_teach_nothing(tiny, tmp_path) -> None:
+    about = np.array([1, -1, -1])
+    views = tuple(
+        replace(
+            view,
+            camera=replace(
+                view.camera, rotation=view.camera.rotation * about[:, None], translation=view.camera.translation * about
+            ),
+        )
+        for view in tiny.capture.train
+    )
+    model = train(replace(tiny.capture, train=views), tiny.head, options("default"), tmp_path)
+    assert not model.gaussians.position.any()
+    assert np.array_equal(model.motion.expression, tiny.capture.motion.expression)
+    assert all(event.visible_counts == (0,) * 8 for event in model.events if isinstance(event, Calibration))
 
 
 @pytest.mark.parametrize("variant", ["ga", "rad", "rad-gp-lgs", "default-gp-pis", "paper"])

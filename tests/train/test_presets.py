@@ -87,5 +87,8 @@ def test_nonsense_is_named() -> None:
             TrainOptions(**{name: value})
     with pytest.raises(OptionError, match="iterations"):
         scaled(0)
-    with pytest.raises(OptionError, match=r"pruning\.ratio"):
-        replace(TrainOptions(), pruning=replace(TrainOptions().pruning, ratio=1.5))
+    for ratio in (0.0, 1.5):
+        with pytest.raises(OptionError, match=r"pruning\.ratio"):
+            replace(TrainOptions(), pruning=replace(TrainOptions().pruning, ratio=ratio))
+    with pytest.raises(OptionError, match=r"schedule\.calibrations is \(5,\).*110000"):
+        replace(TrainOptions(), schedule=replace(TrainOptions().schedule, calibrations=(5,)))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sacha_core.perception.sensitivity_map import sensitivity_map
 from sacha_core.progress import Progress
 from sacha_core.raster.pool import Pool
-from sacha_core.train.views import TrainingViews, box_of, epoch_order, evenly_spaced
+from sacha_core.train.views import TrainingViews, box_of, epoch_order, spread_views
 
 
 def test_a_target_is_the_image_its_map_and_the_box_around_both(tiny) -> None:
@@ -56,17 +56,20 @@ def test_an_epoch_shows_every_view_once_in_an_order_of_its_own(n_views, seed, ep
         assert not np.array_equal(order, epoch_order(n_views, seed + 1, epoch))
 
 
-@given(st.integers(1, 40))
-def test_evenly_spaced_views_reach_from_first_to_last(tiny, count) -> None:
-    shuffled = tuple(replace(v) for v in reversed(tiny.capture.train))
-    chosen = evenly_spaced(shuffled, count)
-    places = [shuffled[i].timestep * 6 + shuffled[i].camera_index for i in chosen]
+@given(st.integers(1, 40), st.integers(1, 7), st.integers(1, 400))
+def test_views_are_spread_over_the_motion_and_every_camera_looks_at_all_of_it(tiny, timesteps, cameras, count) -> None:
+    one = tiny.capture.train[0]
+    order = np.random.default_rng(timesteps).permutation(timesteps * cameras)
+    views = tuple(replace(one, timestep=int(i) // cameras * 3, camera_index=int(i) % cameras) for i in order)
+    places = [(views[i].timestep // 3, views[i].camera_index) for i in spread_views(views, count)]
     assert places == sorted(set(places))
-    assert len(places) == min(count, 12)
-    assert places[0] == 0
-    if count > 1:
-        assert places[-1] == 11
-        assert max(np.diff(places)) - min(np.diff(places)) <= 1
+    seen = sorted({timestep for timestep, _ in places})
+    assert places == [(timestep, camera) for timestep in seen for camera in range(cameras)]
+    assert abs(len(places) - min(count, len(views))) <= max(cameras / 2, cameras - count)
+    assert seen[0] == 0
+    if len(seen) > 1:
+        assert seen[-1] == timesteps - 1
+        assert max(np.diff(seen)) - min(np.diff(seen)) <= 1
 
 
 def test_a_box_of_nothing_is_empty() -> None:
