@@ -21,6 +21,7 @@ from sacha_core.train.state import ATTRIBUTES, TrainState, initial_state
 FACES = 16
 REGIONS = Regions((np.arange(FACES) // 4).astype(np.uint8), 4)
 EXTENT_M = 1.0
+LAST_DIGIT = 2e-4  # both sides are rounded to four digits, one of them from float32
 SIZES_M = np.full(FACES, 0.005, np.float32)  # at most 0.01 of the extent: cloned
 
 
@@ -96,6 +97,72 @@ def test_a_split_replaces_its_parent_by_two_smaller_ones_close_by() -> None:
     assert np.abs(state.values["position"][children] - parent["position"]).max() < 6 * 0.05
     for name in set(ATTRIBUTES) - {"position", "log_scale"}:
         assert (state.values[name][children] == parent[name]).all()
+
+
+def grown_step_by_step(state: TrainState, made: TrainOptions) -> list[tuple[float, ...]]:
+    """Do as the method says, one Gaussian after the other: clones, then splits on the longer list, then the prune by opacity.
+
+    Gives the attributes of those that stay but for the places of children, which are drawn.
+    """
+    rows = []
+    for i in range(len(state)):
+        row = {name: np.atleast_1d(state.values[name][i]).ravel().astype(np.float64) for name in ATTRIBUTES}
+        count = max(int(state.gradient_count[i]), 1)
+        rows.append((int(state.binding[i]), float(state.gradient_sum[i]) / count, row))
+
+    def longest(face: int, row: dict) -> float:
+        return float(np.exp(row["log_scale"].astype(np.float32)).max() * SIZES_M[face])
+
+    def grows(face: int, gradient: float) -> bool:
+        return gradient >= state.thresholds[REGIONS.labels[face]]
+
+    limit = made.density.largest_clone * EXTENT_M
+    rows += [(f, 0.0, row) for f, g, row in rows if grows(f, g) and longest(f, row) <= limit]
+    parents = [k for k, (f, g, row) in enumerate(rows) if grows(f, g) and longest(f, row) > limit]
+    for k in parents:
+        face, _, row = rows[k]
+        child = {**row, "log_scale": np.log(np.exp(row["log_scale"]) / (0.8 * 2))}
+        rows += [(face, 0.0, child), (face, 0.0, child)]
+    rows = [row for k, row in enumerate(rows) if k not in parents]
+    faint = [1 / (1 + np.exp(-row["opacity_logit"][0])) < 0.005 for _, _, row in rows]
+    spared = {f for f, _, _ in rows} - {f for (f, _, _), gone in zip(rows, faint, strict=True) if not gone}
+    names = [name for name in ATTRIBUTES if name != "position"]
+    kept = [(f, row) for (f, _, row), gone in zip(rows, faint, strict=True) if not gone or f in spared]
+    return sorted((f, *np.concatenate([row[name] for name in names]).round(4)) for f, row in kept)
+
+
+@given(st.integers(0, 2**32))
+def test_growth_is_that_of_the_method_step_by_step(seed) -> None:
+    rng = np.random.default_rng(seed)
+    state = state_of(3, seed)
+    state.values["opacity_logit"][:] = rng.choice([-9, 1], len(state))
+    state.values["log_scale"][:] = rng.normal(0.5, 0.5, (len(state), 3))
+    state.gradient_sum[:] = rng.choice([0, 3e-4, 9e-4, 2e-3], len(state))
+    state.gradient_count[:] = rng.integers(0, 4, len(state))
+    state.gradient_sum[state.gradient_count == 0] = 0
+    state.thresholds = rng.choice([1.4e-4, 2.9e-4, 6.1e-4], 4)
+    made = options(guard_faint=True)
+    expected = grown_step_by_step(state, made)
+    densify(state, made, REGIONS, SIZES_M, EXTENT_M)
+    names = [name for name in ATTRIBUTES if name != "position"]
+    found = np.concatenate([state.values[name].reshape(len(state), -1) for name in names], axis=1).astype(np.float64)
+    rows = sorted((int(f), *row) for f, row in zip(state.binding, found.round(4), strict=True))
+    assert len(rows) == len(expected)
+    assert np.abs(np.array(rows) - np.array(expected)).max() < LAST_DIGIT
+
+
+def test_pruning_keeps_moments_and_statistics_of_those_that_stay() -> None:
+    state = state_of()
+    n = len(state)
+    state.gradient_sum[:], state.gradient_count[:] = np.arange(n), np.arange(n) + 1
+    for name in ATTRIBUTES:
+        state.first[name][:] = np.arange(n).reshape((n, *[1] * (state.first[name].ndim - 1)))
+    score = np.random.default_rng(0).permutation(n).astype(float)
+    prune(state, variant(TrainOptions(), "default-gp-pis"), REGIONS, score)
+    stay = np.flatnonzero(score >= int(0.2 * n))
+    assert np.array_equal(state.gradient_sum, stay)
+    assert np.array_equal(state.gradient_count, stay + 1)
+    assert np.array_equal(state.first["opacity_logit"], stay)
 
 
 def test_the_far_too_large_go_only_after_their_time() -> None:

@@ -12,11 +12,16 @@ from sacha_core.raster.pool import Pool
 from sacha_core.train.options import LossOptions
 from sacha_core.train.state import TrainState, initial_state
 from sacha_core.train.step import Stage
-from sacha_core.train.views import TrainingViews
+from sacha_core.train.views import TrainingViews, box_of
 
 # The loss is float32 and jumps where an alpha crosses 1/255 or two Gaussians change places in depth. Slopes over several steps, averaged,
 # agree to this where the chain is right; a missing term is of the order of 1
 AGREEMENT = 0.1
+PIXELS = 0.05  # a step small beside the pictures of Gaussians
+SUMS = 1e-6  # the same float32 terms, summed over other bands of rows
+CROPPED = (
+    1e-4  # relative to the largest; likewise, and SSIM's slope where images agree is a difference of equal numbers
+)
 SMOOTH = LossOptions(l1=0.0)  # L1's kinks left out
 DEGREE = 2
 STEPS = {
@@ -65,6 +70,58 @@ def test_gradients_are_those_of_finite_differences(scene, name) -> None:
             values.append(judged(stage, state, target).losses["total"])
         slopes.append((values[0] - values[1]) / (2 * step))
     assert np.mean(slopes) == pytest.approx((gradient * direction).sum(), rel=AGREEMENT)
+
+
+def test_the_gradient_that_growth_is_decided_by_is_in_normalised_device_units(scene) -> None:
+    """Of one Gaussian alone: its mean moves in the image as the camera's principal point does, by finite differences."""
+    stage, state, target = scene
+    alone = int(np.argmax(judged(stage, state, target).image_gradient))
+    opacity = state.values["opacity_logit"][alone]
+    state.values["opacity_logit"][:] = -20
+    state.values["opacity_logit"][alone] = opacity
+    image, camera = (
+        np.full((3, 48, 96), 255, np.uint8),
+        target.camera,
+    )  # wider than high, and most of it is cropped away
+    image[:, :, :48] = target.image
+    sensitivity = np.pad(target.sensitivity, ((0, 0), (0, 48)))
+    wide = replace(target, camera=replace(camera, width=96), image=image, sensitivity=sensitivity)
+    outcome = judged(stage, state, wide)
+    slopes = []
+    for axis, side in (("cx", 96), ("cy", 48)):
+        ends = []
+        for step in (PIXELS, -PIXELS):
+            moved = replace(wide, camera=replace(wide.camera, **{axis: getattr(camera, axis) + step}))
+            ends.append(judged(stage, state, moved).losses["total"])
+        slopes.append((ends[0] - ends[1]) / (2 * PIXELS) * side / 2)
+    assert outcome.image_gradient[alone] == pytest.approx(np.hypot(*slopes), rel=AGREEMENT)
+    assert not np.delete(outcome.image_gradient, alone).any()
+
+
+@pytest.mark.parametrize("corner", [(60, 40), (0, 0), (100, 120), (30, 0)])
+def test_a_cropped_view_costs_and_teaches_what_the_whole_one_does(scene, corner) -> None:
+    stage, state, target = scene
+    left, top = corner
+    size = 48
+    camera = replace(target.camera, width=148, height=168, cx=target.camera.cx + left, cy=target.camera.cy + top)
+    image, sensitivity = np.full((3, 168, 148), 255, np.uint8), np.zeros((168, 148), np.uint8)
+    image[:, top : top + size, left : left + size] = target.image
+    sensitivity[top : top + size, left : left + size] = target.sensitivity
+    box = box_of((image != 255).any(axis=0) | (sensitivity != 0))
+    placed = replace(target, camera=camera, image=image, sensitivity=sensitivity, box=box)
+    results = []
+    for drawn in (box, (0, 0, 148, 168)):
+        drawing = stage.draw(state, target.timestep, camera, DEGREE, drawn)
+        assert (drawing.box == (0, 0, 148, 168)) == (drawn != box)
+        outcome = stage.judge(state, drawing, placed, DEGREE)
+        arrays = {**outcome.gradients, **outcome.motion_gradients, "image": outcome.image_gradient}
+        results.append((outcome, {name: array.copy() for name, array in arrays.items()}))
+    (part, slopes), (whole, expected) = results
+    for name, value in whole.losses.items():
+        assert part.losses[name] == pytest.approx(value, abs=SUMS), name
+    assert np.array_equal(part.visible, whole.visible)
+    for name, gradient in expected.items():
+        assert np.abs(slopes[name] - gradient).max() <= CROPPED * np.abs(gradient).max(), name
 
 
 def test_only_the_timestep_that_is_seen_gets_motion_gradients(scene) -> None:
