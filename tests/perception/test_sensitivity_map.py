@@ -37,6 +37,7 @@ def test_map_is_that_of_a_naive_loop(pad) -> None:
     rng = np.random.default_rng(0)
     image = np.full((43, 57, 3), 255, np.uint8)
     image[10:30, 12:40] = rng.integers(0, 256, (20, 28, 3))
+    image[2:42, :10] = rng.integers(100, 112, (40, 10, 1))  # so faint that the gamma decides what is an edge
     image[33:, 30:] = np.linspace(0, 60, 27, dtype=np.uint8)[None, :, None]
     found = sensitivity_map(image, pad)
     assert np.array_equal(found, naive(image, pad))

@@ -97,6 +97,10 @@ def test_a_split_replaces_its_parent_by_two_smaller_ones_close_by() -> None:
     assert np.abs(state.values["position"][children] - parent["position"]).max() < 6 * 0.05
     for name in set(ATTRIBUTES) - {"position", "log_scale"}:
         assert (state.values[name][children] == parent[name]).all()
+    for name in ATTRIBUTES:
+        assert not state.first[name][children].any()
+        assert not state.second[name][children].any()
+        assert (np.delete(state.second[name], children, axis=0) == 2).all()
 
 
 def grown_step_by_step(state: TrainState, made: TrainOptions) -> list[tuple[float, ...]]:
@@ -135,7 +139,7 @@ def grown_step_by_step(state: TrainState, made: TrainOptions) -> list[tuple[floa
 def test_growth_is_that_of_the_method_step_by_step(seed) -> None:
     rng = np.random.default_rng(seed)
     state = state_of(3, seed)
-    state.values["opacity_logit"][:] = rng.choice([-9, 1], len(state))
+    state.values["opacity_logit"][:] = rng.choice([-5.31, -5.28, 1], len(state))  # 0.0049 and 0.0051
     state.values["log_scale"][:] = rng.normal(0.5, 0.5, (len(state), 3))
     state.gradient_sum[:] = rng.choice([0, 3e-4, 9e-4, 2e-3], len(state))
     state.gradient_count[:] = rng.integers(0, 4, len(state))
@@ -192,7 +196,7 @@ def test_calibration_sets_what_the_formulas_say() -> None:
     a = np.array([0.2, 0.4, 0.8, 0.2])[REGIONS.of(state.binding)]
     state.values["sensitivity_logit"] = np.log(a / (1 - a)).astype(np.float32)
     weights = np.zeros((len(state), 2))
-    weights[::2, 0] = 50
+    weights[::2, 0], weights[1::2, 0] = 10.1, 9.9  # 10 pixels in 120 views are what counts
     event = calibrate(state, variant(TrainOptions(), "paper"), REGIONS, SeenWeights(weights, 120))
     assert event.modulator == pytest.approx((2.0, 1.0, 0.5, 2.0), rel=1e-6)  # the logits are float32
     assert state.thresholds == pytest.approx([6e-4, 3e-4, 1.5e-4, 6e-4], rel=1e-6)
@@ -274,4 +278,5 @@ def test_a_reset_lowers_opacities_and_forgets_their_moments_only() -> None:
     assert opacity[0] < 0.001
     assert event.lowered == len(state) - 1
     assert not state.first["opacity_logit"].any()
+    assert not state.second["opacity_logit"].any()
     assert state.first["position"].all()

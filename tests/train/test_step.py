@@ -107,6 +107,9 @@ def test_a_cropped_view_costs_and_teaches_what_the_whole_one_does(scene, corner)
     image, sensitivity = np.full((3, 168, 148), 255, np.uint8), np.zeros((168, 148), np.uint8)
     image[:, top : top + size, left : left + size] = target.image
     sensitivity[top : top + size, left : left + size] = target.sensitivity
+    image[:, 90:100, 110:125] = target.image[
+        :, 20:30, 15:30
+    ]  # where no Gaussian is, so that it alone decides the crop's edge
     box = box_of((image != 255).any(axis=0) | (sensitivity != 0))
     placed = replace(target, camera=camera, image=image, sensitivity=sensitivity, box=box)
     results = []
