@@ -235,6 +235,14 @@ def test_a_branch_must_come_from_its_own_warm_up(tiny, finished, tmp_path) -> No
     other = replace(tiny.capture, train=tiny.capture.train[:-1])
     with pytest.raises(OptionError, match="another capture"):
         train(other, tiny.head, options(), tmp_path, start_from=finished / WARM_UP_CHECKPOINT)
+    first, *others = tiny.capture.train
+    larger = tmp_path.with_name("larger.png")
+    larger.write_bytes(first.image_path.read_bytes() + b"\0")
+    aside = replace(first, camera=replace(first.camera, cx=first.camera.cx + 0.5))
+    for changed in (replace(first, image_path=larger), aside):
+        other = replace(tiny.capture, train=(changed, *others))
+        with pytest.raises(OptionError, match="another capture"):
+            train(other, tiny.head, options(), tmp_path, start_from=finished / WARM_UP_CHECKPOINT)
     moved = replace(tiny.capture.motion, static_offset=np.full((tiny.head.n_vertices, 3), 1e-4, np.float32))
     with pytest.raises(OptionError, match="another capture"):
         train(
