@@ -151,17 +151,18 @@ def tell(options: Options, console: Console, results: Mapping[str, VariantResult
         for level, coded in sorted(result.levels.items(), reverse=True):
             cells = ("", f"{coded.n_bytes / 1000:,.1f} KB", f"{coded.bytes_per_frame:.0f} B")
             rows.append((f"  level {level}", *cells, *figures(coded.novel_view, coded.novel_expression)))
-    titles = ("", "Gaussians", "size", "a frame", "view PSNR", "SSIM", "expression PSNR", "SSIM")
+    titles = ("", "Gaussians", "size", "motion a frame", "view PSNR", "SSIM", "expression PSNR", "SSIM")
     console.say(table(titles, rows))
     theirs, ours = results[BASELINE], results[OURS]
     console.say()
-    shares = [
-        (region, f"{count:,}", f"{ours.per_region[region]:,}", f"{ours.per_region[region] / max(count, 1):.0%}")
-        for region, count in theirs.per_region.items()
-    ]
-    console.say(table(("region", BASELINE, OURS, "share"), shares))
+    shares = []
+    for region in theirs.per_region:
+        both = [(result.per_region[region], result.visible_per_region[region]) for result in (theirs, ours)]
+        shares.append((region, *(f"{count:,}" for pair in both for count in pair)))
+    console.say(table(("region", BASELINE, "that show", OURS, "that show"), shares))
     console.say(
-        f"\n{OURS} uses {ours.n_gaussians / theirs.n_gaussians:.0%} of the Gaussians of {BASELINE} at "
+        f"\n{OURS} uses {ours.n_gaussians / theirs.n_gaussians:.0%} of the Gaussians of {BASELINE} "
+        f"({ours.n_visible / max(theirs.n_visible, 1):.0%} of those that show) at "
         f"{ours.novel_view.psnr - theirs.novel_view.psnr:+.2f} dB by the held-out camera and "
         f"{ours.novel_expression.psnr - theirs.novel_expression.psnr:+.2f} dB in held-out expressions.\n"
     )

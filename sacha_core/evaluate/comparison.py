@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sacha_core.avatar.avatar import Avatar
-from sacha_core.avatar.gaussians import PLY_BYTES_PER_GAUSSIAN
+from sacha_core.avatar.gaussians import PLY_BYTES_PER_GAUSSIAN, Gaussians
 from sacha_core.codec import decode, encode, inspect
 from sacha_core.evaluate.splits import FRAMES, novel_expression_views, novel_view_views
 from sacha_core.evaluate.views import score_views
@@ -82,6 +82,7 @@ class VariantResult:
         n_gaussians: how many it has.
         n_visible: how many ever show in training views.
         per_region: Gaussians by region name.
+        visible_per_region: those that ever show in training views, by region name.
         novel_view: uncompressed, by the held-out camera.
         novel_expression: uncompressed, at held-out timesteps.
         levels: by level.
@@ -90,6 +91,7 @@ class VariantResult:
     n_gaussians: int
     n_visible: int
     per_region: Mapping[str, int]
+    visible_per_region: Mapping[str, int]
     novel_view: Quality
     novel_expression: Quality
     levels: Mapping[int, LevelResult]
@@ -105,6 +107,7 @@ class VariantResult:
             "n_gaussians": self.n_gaussians,
             "n_visible": self.n_visible,
             "per_region": dict(self.per_region),
+            "visible_per_region": dict(self.visible_per_region),
             "raw_bytes": self.raw_bytes,
             "novel_view": self.novel_view.to_json(),
             "novel_expression": self.novel_expression.to_json(),
@@ -149,11 +152,14 @@ class Judge:
         visible = visible_gaussians(
             gaussians, self._head, motion, self._capture.train, first.width, first.height, self._rasteriser
         )
-        counts = region_counts(self._labels, gaussians.binding)
         view, expression = self._quality(name, avatar)
         levels = {level: self._level(name, avatar, level, folder) for level in LEVELS}
-        per_region = {region: int(count) for region, count in zip(PAPER.regions, counts, strict=True)}
-        return VariantResult(len(gaussians), int(np.count_nonzero(visible)), per_region, view, expression, levels)
+        counts = (self._by_region(gaussians), self._by_region(gaussians.select(visible)))
+        return VariantResult(len(gaussians), int(np.count_nonzero(visible)), *counts, view, expression, levels)
+
+    def _by_region(self, gaussians: Gaussians) -> dict[str, int]:
+        counts = region_counts(self._labels, gaussians.binding)
+        return {region: int(count) for region, count in zip(PAPER.regions, counts, strict=True)}
 
     def _level(self, name: str, avatar: Avatar, level: int, folder: Path) -> LevelResult:
         file = folder / f"{name}-{level}.sacha"

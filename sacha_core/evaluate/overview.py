@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.codec import decode
-from sacha_core.evaluate.comparison import LEVELS, Quality, VariantResult
+from sacha_core.evaluate.comparison import LEVELS, LevelResult, Quality, VariantResult
 from sacha_core.evaluate.sheet import Panel, write_sheet
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import Poser
@@ -60,36 +60,32 @@ class Overview:
             level: decode(self.results[self.ours].levels[level].file, head=self.head) for level in reversed(LEVELS)
         }
         rows = [
-            self._row("held-out camera", middle_view(self.capture.val), decoded, explained=True),
-            self._row("held-out expression", middle_view(self.capture.test), decoded, explained=False),
+            self._row("held-out camera", middle_view(self.capture.val), decoded, explained=False),
+            self._row(
+                "held-out expression", middle_view(self.capture.test, from_the_side=True), decoded, explained=True
+            ),
         ]
         write_sheet(path, [cropped(row) for row in rows])
 
     def _row(self, what: str, view: View, decoded: Mapping[int, Avatar], explained: bool) -> list[Panel]:
         rasteriser = Rasteriser()
         truth = self.capture.image(view)
-        novel_view = view in self.capture.val
+        split = "novel_view" if view in self.capture.val else "novel_expression"
 
-        def panel(avatar: Avatar, title: str, size: str, quality: Quality) -> Panel:
+        def panel(avatar: Avatar, title: str, size: str, result: VariantResult | LevelResult) -> Panel:
             drawn = self._draw(avatar, view, rasteriser)
-            here = f"{psnr(drawn, truth):.1f} dB here, {quality.psnr:.2f} dB over all"
-            return Panel(drawn, title, (size, here))
+            mean: Quality = getattr(result, split)
+            return Panel(drawn, title, (size, f"{psnr(drawn, truth):.2f} dB here", f"{mean.psnr:.2f} dB on average"))
 
-        panels = [
-            Panel(
-                truth.astype(np.float32) / 255, "truth", (what, f"camera {view.camera_index}, timestep {view.timestep}")
-            )
-        ]
+        seen = (what, f"camera {view.camera_index}", f"timestep {view.timestep}")
+        panels = [Panel(truth.astype(np.float32) / 255, "truth", seen)]
         for name in (self.baseline, self.ours):
             result = self.results[name]
-            size = f"{result.n_gaussians:,} Gaussians, {result.raw_bytes / 1e6:.2f} MB"
-            panels.append(
-                panel(self.avatars[name], name, size, result.novel_view if novel_view else result.novel_expression)
-            )
+            size = f"{result.n_gaussians:,}, {result.raw_bytes / 1e6:.2f} MB"
+            panels.append(panel(self.avatars[name], name, size, result))
         for level, avatar in decoded.items():
-            result_here = self.results[self.ours].levels[level]
-            quality = result_here.novel_view if novel_view else result_here.novel_expression
-            panels.append(panel(avatar, f"{self.ours}, level {level}", f"{result_here.n_bytes / 1000:.1f} KB", quality))
+            coded = self.results[self.ours].levels[level]
+            panels.append(panel(avatar, f"{self.ours}, level {level}", f"{coded.n_bytes / 1000:.1f} KB", coded))
         return [*panels, self._heat_map(view, rasteriser, explained)]
 
     def _draw(
@@ -101,31 +97,26 @@ class Overview:
         return render_avatar(avatar.gaussians, frames, view.camera, colours=colours, rasteriser=rasteriser).colour
 
     def _heat_map(self, view: View, rasteriser: Rasteriser, explained: bool) -> Panel:
-        """Draw our avatar with each region in the colour of the share of the baseline's Gaussians that it has."""
-        ours, theirs = self.results[self.ours].per_region, self.results[self.baseline].per_region
+        """Draw our avatar with each region in the colour of its visible Gaussians' number over the baseline's."""
+        ours, theirs = self.results[self.ours].visible_per_region, self.results[self.baseline].visible_per_region
         shares = np.array([ours[region] / max(theirs[region], 1) for region in PAPER.regions])
         palette = heat_colours(shares)
         avatar = self.avatars[self.ours]
-        colours = palette[label_triangles(self.head)[avatar.gaussians.binding]]
-        drawn = self._draw(avatar, view, rasteriser, colours)
+        drawn = self._draw(avatar, view, rasteriser, palette[label_triangles(self.head)[avatar.gaussians.binding]])
         legend = tuple(
-            (
-                (float(colour[0]), float(colour[1]), float(colour[2])),
-                f"{region} {ours[region]:,} of {theirs[region]:,}, {share:.0%}",
-            )
-            for region, colour, share in zip(PAPER.regions, palette, shares, strict=True)
+            ((float(red), float(green), float(blue)), f"{region} {ours[region]:,} of {theirs[region]:,}")
+            for region, (red, green, blue) in zip(PAPER.regions, palette, strict=True)
         )
-        return Panel(
-            drawn, "Gaussians by region", (f"{self.ours} against {self.baseline}",), legend if explained else ()
-        )
+        caption = ("Gaussians that show,", f"{self.ours} of {self.baseline}") if explained else ()
+        return Panel(drawn, "by region", caption, legend if explained else ())
 
 
-def middle_view(views: tuple[View, ...]) -> View:
-    """Give the view in the middle of time, by the middle one of the cameras that saw it."""
+def middle_view(views: tuple[View, ...], from_the_side: bool = False) -> View:
+    """Give the view in the middle of time, by the middle one of the cameras that saw it or by one towards the side."""
     ordered = sorted(views, key=lambda view: (view.timestep, view.camera_index))
     timestep = ordered[len(ordered) // 2].timestep
     there = [view for view in ordered if view.timestep == timestep]
-    return there[len(there) // 2]
+    return there[len(there) // (4 if from_the_side else 2)]
 
 
 def heat_colours(shares: Float[np.ndarray, " r"]) -> Float[np.ndarray, "r 3"]:

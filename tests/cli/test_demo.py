@@ -31,6 +31,7 @@ def test_report_has_every_variant_level_and_split(finished):
     for variant in report["variants"].values():
         assert variant["raw_bytes"] == PLY_BYTES_PER_GAUSSIAN * variant["n_gaussians"]
         assert sum(variant["per_region"].values()) == variant["n_gaussians"]
+        assert sum(variant["visible_per_region"].values()) == variant["n_visible"]
         assert 0 < variant["n_visible"] <= variant["n_gaussians"]
         assert set(variant["levels"]) == {"1", "2", "3", "4"}
         for part in (variant, *variant["levels"].values()):
