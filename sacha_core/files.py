@@ -24,7 +24,7 @@ def write_aside(path: str | os.PathLike[str]) -> Iterator[Path]:
         A path in the same folder (hence the same file system), to be written by the caller.
 
     Raises:
-        OSError: the folder cannot be made, the disk is full, or the move failed; `path` is then as it was.
+        OSError: the folder cannot be made, the disk is full, or the move failed; the error names a file, and `path` is as it was.
     """
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -35,5 +35,9 @@ def write_aside(path: str | os.PathLike[str]) -> Iterator[Path]:
         yield aside
         aside.chmod(0o644)
         aside.replace(target)
+    except OSError as error:
+        if error.filename is None:  # as where a write finds the disk full
+            error.filename = os.fspath(target)
+        raise
     finally:
         aside.unlink(missing_ok=True)

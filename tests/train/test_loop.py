@@ -109,14 +109,14 @@ def test_a_disk_that_fills_up_costs_the_checkpoint_and_nothing_else(tiny, finish
 
     def full_after_a_while(stream, array, **rest) -> None:
         written.append(array)
-        if len(written) == 60:  # in the midst of the second or third checkpoint
+        if len(written) == 60:  # in the midst of the second checkpoint, that at the end of warm-up
             stream.write(b"half of it")
             raise OSError(errno.ENOSPC, "No space left on device")
         write(stream, array, **rest)
 
     with monkeypatch.context() as patch:
         patch.setattr(np.lib.format, "write_array", full_after_a_while)
-        with pytest.raises(OSError, match=rf"No space left.*{CHECKPOINT}"):
+        with pytest.raises(OSError, match=rf"No space left.*{WARM_UP_CHECKPOINT}"):
             train(tiny.capture, tiny.head, often, tmp_path)
     assert {p.name for p in tmp_path.iterdir()} <= {"options.json", "head.json", EVENTS, CHECKPOINT, WARM_UP_CHECKPOINT}
     assert read_checkpoint(tmp_path / CHECKPOINT).state.iteration == 10
