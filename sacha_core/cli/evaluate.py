@@ -19,7 +19,7 @@ __all__ = ["Options", "run"]
 class Options:
     """Judge an avatar on the held-out camera and the held-out expressions of its capture.
 
-    Training timesteps are drawn with the avatar's own motion (of a .sacha file, the decoded one), held-out ones with the capture's tracked
+    The avatar moves by its own motion (of a .sacha file, the decoded one); timesteps beyond its end are driven by the capture's tracked
     parameters. PSNR and SSIM are means over the images.
     """
 

@@ -136,25 +136,29 @@ def score_views(
 def evaluation_motion(capture: Capture, fitted: Motion | None) -> Motion:
     """Give the motion that an avatar is judged with.
 
-    The person's own parameters and those of training timesteps are the fitted (or decoded) ones; held-out timesteps are driven by the
-    capture's tracked parameters, which no training may have touched.
+    An avatar moves by its own parameters, as far as they reach: a trained model's motion carries the tracked ones of held-out timesteps
+    unchanged, and a compressed avatar's are what decoding gives back. Timesteps beyond its end are driven by the capture's tracked
+    parameters.
 
     Args:
         capture: the capture that was trained on.
         fitted: the avatar's own motion, whose frame t is timestep t; None for an avatar without one.
 
     Raises:
-        DatasetError: the fitted motion ends before the last training timestep.
+        DatasetError: the fitted motion ends before the last training timestep, or is of another width.
+
+    Source: SACHA, experiments: decoded avatars are judged with their decoded FLAME parameters.
     """
     tracked = capture.motion
     if fitted is None:
         return tracked
-    trained = sorted({view.timestep for view in (*capture.train, *capture.val)})
-    if trained[-1] >= len(fitted):
+    last = max(view.timestep for view in (*capture.train, *capture.val))
+    if last >= len(fitted):
         raise DatasetError(
-            f"the avatar's motion has {len(fitted)} frames, but {capture.root} trains on timesteps up to {trained[-1]}; "
+            f"the avatar's motion has {len(fitted)} frames, but {capture.root} trains on timesteps up to {last}; "
             "is it another capture's?"
         )
+    n_own = min(len(fitted), len(tracked))
     mixed = {}
     for name in ("expression", *DYNAMIC_WIDTHS):
         values, own = getattr(tracked, name).copy(), getattr(fitted, name)
@@ -162,7 +166,7 @@ def evaluation_motion(capture: Capture, fitted: Motion | None) -> Motion:
             raise DatasetError(
                 f"the avatar's motion has {own.shape[1]} numbers of {name} a frame, {capture.root} has {values.shape[1]}"
             )
-        values[trained] = own[trained]
+        values[:n_own] = own[:n_own]
         mixed[name] = values
     return replace(tracked, shape=fitted.shape, static_offset=fitted.static_offset, **mixed)
 
