@@ -3,7 +3,9 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v p
 BIN := .venv/bin
 PIP_QUIET := --quiet --disable-pip-version-check
 
-.PHONY: demo test quick lint bench install clean
+SHAPED := $(addprefix tests/,avatar density evaluate flame geometry interchange regions)
+
+.PHONY: demo test quick shapes lint bench install clean
 
 demo: install
 	$(BIN)/sacha demo --out out/demo
@@ -13,6 +15,10 @@ test: install test-blender
 
 quick: install
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
+
+# The same tests of NumPy code, with every call held to the shapes and types that its annotations promise.
+shapes: install
+	SACHA_CHECK_SHAPES=1 $(BIN)/python -m pytest -n 2 --dist loadfile -m "not wrong_shapes" $(SHAPED)
 
 lint: install
 	$(BIN)/ruff format --check .

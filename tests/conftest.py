@@ -7,6 +7,21 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from jaxtyping import install_import_hook
+
+SHAPED = (
+    "avatar",
+    "density",
+    "evaluate",
+    "flame",
+    "geometry",
+    "interchange",
+    "regions",
+)  # those without compiled kernels
+CHECK_SHAPES = os.environ.get("SACHA_CHECK_SHAPES") == "1"  # hold every call to the shapes that its annotations promise
+
+if CHECK_SHAPES:
+    install_import_hook([f"sacha_core.{package}" for package in SHAPED], "beartype.beartype")
 
 settings.register_profile(
     "sacha",

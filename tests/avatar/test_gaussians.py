@@ -76,6 +76,7 @@ def test_numbers_that_are_not_finite(name: str, poison: float) -> None:
         replace(gaussians, **{name: value}).validate(10)
 
 
+@pytest.mark.wrong_shapes
 def test_rows_that_disagree() -> None:
     with pytest.raises(FormatError, match=r"opacity_logit has 9 rows, expected 10"):
         replace(numbered(10), opacity_logit=np.zeros(9, np.float32)).validate(10)
@@ -120,6 +121,7 @@ def test_frame_rates_that_are_none(rate: float) -> None:
         Motion.rest(1, 1, frame_rate=rate).validate()
 
 
+@pytest.mark.wrong_shapes
 def test_frames_that_disagree() -> None:
     with pytest.raises(FormatError, match="motion parameter neck has 3 frames, expected 4"):
         replace(Motion.rest(1, 1, 4), neck=np.zeros((3, 3), np.float32)).validate()

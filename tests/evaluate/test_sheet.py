@@ -21,7 +21,7 @@ def test_panels_of_unequal_rows_are_all_there_unchanged(tmp_path):
     images = [rng.random((h, w, 3), np.float32) for h, w in ((40, 30), (25, 50), (33, 20))]
     rows = [
         [Panel(images[0], "one", ("a", "b")), Panel(images[1], "two")],
-        [Panel(images[2], "three", (), (((1, 0, 0), "red"),))],
+        [Panel(images[2], "three", (), (((1.0, 0.0, 0.0), "red"),))],
     ]
     write_sheet(tmp_path / "sheet.png", rows)
     sheet = np.asarray(Image.open(tmp_path / "sheet.png"))

@@ -75,6 +75,7 @@ def poisoned(array: np.ndarray, value: float) -> np.ndarray:
     return out
 
 
+@pytest.mark.wrong_shapes
 @pytest.mark.parametrize(
     ("name", "change", "message"),
     [

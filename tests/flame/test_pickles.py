@@ -112,6 +112,7 @@ def test_big_endian_and_other_number_types(random_head: HeadModel, tmp_path: Pat
     assert_same(read_flame_pickle(save(tmp_path / "a.pkl", content(random_head, **changes)), N_IDENTITY), random_head)
 
 
+@pytest.mark.wrong_shapes
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

@@ -339,6 +339,7 @@ CORRUPTIONS: dict[str, tuple[Callable[[Path], Path], str]] = {
 }
 
 
+@pytest.mark.wrong_shapes
 @pytest.mark.parametrize("name", CORRUPTIONS)
 def test_corruption_is_named(copy: Path, name: str) -> None:
     corrupt, message = CORRUPTIONS[name]

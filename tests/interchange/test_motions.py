@@ -87,6 +87,7 @@ def test_other_ways_to_write_the_same(tmp_path: Path) -> None:
     assert read_flame_param(tmp_path / "a.npz").static_offset.shape == (0, 3)
 
 
+@pytest.mark.wrong_shapes
 @pytest.mark.parametrize(
     ("name", "change", "message"),
     [

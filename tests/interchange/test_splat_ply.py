@@ -279,6 +279,7 @@ def test_any_bytes_are_gaussians_or_a_format_error(tmp_path: Path) -> None:
     assert 0 < read < 300
 
 
+@pytest.mark.wrong_shapes
 def test_nothing_is_left_when_writing_fails(tmp_path: Path) -> None:
     broken = replace(random_gaussians(3), position=np.zeros((2, 3), np.float32))
     with pytest.raises(ValueError, match="dimension"):
