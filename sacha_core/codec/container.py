@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from sacha_core.codec.reading import ByteReader
 from sacha_core.errors import FormatError
 
-__all__ = ["MAJOR", "MINOR", "Section", "pack_sections", "parse_sections"]
+__all__ = ["MAGIC", "MAJOR", "MINOR", "Section", "pack_sections", "parse_sections"]
 
 MAGIC = b"SACHA\r\n\x1a"  # as PNG: the line end and the end-of-file byte catch transfers as text
 MAJOR = 1

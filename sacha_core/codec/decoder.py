@@ -14,7 +14,7 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.codec.colour import decode_colour
-from sacha_core.codec.container import Section, parse_sections
+from sacha_core.codec.container import MAGIC, Section, parse_sections
 from sacha_core.codec.counts import decode_counts
 from sacha_core.codec.harmonics import decode_harmonics
 from sacha_core.codec.head import decode_head
@@ -40,7 +40,9 @@ def read_source(source: Source) -> bytes:
     """Give the bytes that `source` is, or those of the file that it names."""
     if isinstance(source, bytes | bytearray | memoryview):
         return bytes(source)
-    return Path(source).read_bytes()
+    with Path(source).open("rb") as file:
+        start = file.read(len(MAGIC))
+        return start + file.read() if start == MAGIC else start  # what is no such file may have no end
 
 
 def sections_of(data: bytes) -> tuple[tuple[int, int], dict[str, Section]]:
