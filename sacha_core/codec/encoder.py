@@ -77,9 +77,11 @@ def encode(
     check_head(avatar, head, embed_head)
     avatar.gaussians.validate(avatar.head.n_faces)
     gaussians = avatar.gaussians
+    keep = np.ones(len(gaussians), bool)
     if drop_invisible:
-        gaussians = gaussians.select(visible(gaussians.opacity_logit, chosen.opacity_steps))
-    check_range(gaussians)
+        keep = visible(gaussians.opacity_logit, chosen.opacity_steps)
+    check_range(gaussians, keep)
+    gaussians = gaussians.select(keep)
     template = template_of(head.v_template, head.faces) if head else unknown_template(avatar.head.n_faces)
     sections = encode_gaussians(gaussians, template, chosen)
     made = (chosen.number, len(gaussians), gaussians.sh_degree, avatar.head, avatar.scheme)
@@ -97,7 +99,9 @@ def check_head(avatar: Avatar, head: HeadModel | None, embed_head: bool) -> None
     if embed_head and head is None:
         raise HeadError(f"to embed the head {avatar.head.name!r} it has to be given")
     if head is not None and head.reference.sha256 != avatar.head.sha256:
-        named = [f"{reference.name!r} (SHA-256 {reference.sha256[:12]}...)" for reference in (avatar.head, head.reference)]
+        named = [
+            f"{reference.name!r} (SHA-256 {reference.sha256[:12]}...)" for reference in (avatar.head, head.reference)
+        ]
         raise HeadError(f"the avatar is bound to head {named[0]}, another one, {named[1]}, was given")
 
 
@@ -107,17 +111,18 @@ def visible(opacity_logit: Float[np.ndarray, " n"], n_steps: int) -> Bool[np.nda
     return np.asarray((opacity_logit >= VISIBLE) & (decoded >= VISIBLE))
 
 
-def check_range(gaussians: Gaussians) -> None:
-    """Check that values are within what the format holds.
+def check_range(gaussians: Gaussians, keep: Bool[np.ndarray, " n"]) -> None:
+    """Check that values of the Gaussians to be kept are within what the format holds.
 
     Raises:
-        FormatError: naming the attribute, the first offender and the range.
+        FormatError: naming the attribute, the row of the first offender and the range.
     """
     for name, bound in BOUNDS.items():
         value = np.abs(getattr(gaussians, name))
         largest = value.max(axis=tuple(range(1, value.ndim)), initial=0)
-        if largest.max(initial=0) > bound:
-            row = int(np.argmax(largest > bound))
+        outside = keep & (largest > bound)
+        if outside.any():
+            row = int(np.argmax(outside))
             raise FormatError(f"{name} of Gaussian {row} is {largest[row]:g}; the format holds up to {bound:g}")
 
 

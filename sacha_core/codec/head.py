@@ -37,7 +37,7 @@ ARRAYS = (
 NEEDED = ARRAYS[:7]
 MASK = "mask:"
 KINDS = {0: np.dtype("<f4"), 1: np.dtype("<i4")}
-MAX_RATIO = 1032  # zlib cannot do better
+FREE_BYTES, RATIO = 1 << 25, 64  # how much may unpack from little: zlib could make a gigabyte of a megabyte
 
 
 def pack_array(name: str, array: Num[np.ndarray, "..."]) -> bytes:
@@ -55,7 +55,15 @@ def encode_head(head: HeadModel) -> bytes:
     names = struct.pack("<H", len(head.expression_names)) + b"".join(pack_text(name) for name in head.expression_names)
     body = names + b"".join(pack_array(name, array) for name, array in arrays.items())
     front = pack_text(head.name) + struct.pack("<IHI", head.n_teeth_faces, len(arrays), len(body))
-    return front + zlib.compress(body, 9)
+    packed = zlib.compress(body, 9)
+    if len(body) > most_unpacked(len(packed)):
+        packed = zlib.compress(body, 0)
+    return front + packed
+
+
+def most_unpacked(n_bytes: int) -> int:
+    """How many bytes may unpack from `n_bytes`."""
+    return FREE_BYTES + RATIO * n_bytes
 
 
 def unpack_array(reader: ByteReader) -> tuple[str, Num[np.ndarray, "..."]]:
@@ -84,7 +92,7 @@ def decode_head(reader: ByteReader) -> HeadModel:
     name = reader.text()
     n_teeth_faces, n_arrays, n_bytes = reader.unpack("IHI")
     packed = reader.take(reader.left)
-    if n_bytes > MAX_RATIO * len(packed):
+    if n_bytes > most_unpacked(len(packed)):
         raise reader.error(f"{len(packed)} bytes claim to unpack to {n_bytes}")
     unpacker = zlib.decompressobj()
     try:

@@ -17,7 +17,7 @@ LAYOUT = "BBBBIIIIIII"  # profile, level, SH degree, flags, then seven counts as
 PROFILE_LOSSY = 0
 # what a file may decode to is bounded by its size, so that a few bytes cannot ask for hours or gigabytes
 FREE_ATTRIBUTES, ATTRIBUTES_PER_BYTE = 1 << 16, 64
-FREE_ADAPTIVE, ADAPTIVE_PER_BYTE = 1 << 15, 16
+FREE_ADAPTIVE, ADAPTIVE_PER_BYTE = 1 << 15, 4
 HAS_MOTION, NEEDS_HEAD = 1, 2  # flags
 
 
@@ -63,9 +63,9 @@ class Header:
 
     @property
     def n_adaptive(self) -> int:
-        """How many adaptive integers there are, which take longer to decode: counts and motion."""
+        """How many adaptive integers there are, which take longer to decode: counts and motion, its base frame included."""
         static = self.n_shape + 3 * self.n_offsets
-        return self.head.n_faces + static + self.n_frames * (self.n_expression + 18)
+        return self.head.n_faces + static + (self.n_frames + 1) * (self.n_expression + 18)
 
     def missing_bytes(self, file_bytes: int) -> int:
         """How many bytes a file of this size lacks to answer for what it says; 0 or less where it does."""

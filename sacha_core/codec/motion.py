@@ -144,7 +144,8 @@ def read_motion_head(reader: ByteReader, n_frames: int, n_expression: int) -> Mo
     if damping.max() > EIGHTHS or group_frames == 0:
         raise reader.error(f"groups of {group_frames} frames, damping of up to {damping.max()} eighths")
     kinds = kinds_of(n_expression)
-    coder = AdaptiveDecoder(reader.take(base_bytes), len(PARAMETERS), offset=reader.offset)
+    offset = reader.offset
+    coder = AdaptiveDecoder(reader.take(base_bytes), len(PARAMETERS), offset=offset)
     base = coder.read(kinds)
     coder.check_end()
     if np.abs(base).max(initial=0) > MAX_LEVEL:

@@ -57,6 +57,7 @@ def opacity_table(n_steps: int) -> OpacityTable:
     """Give the table of `n_steps` steps from transparent to opaque.
 
     Decimal arithmetic, which is the same everywhere; the two ends stand a quarter of a step inside, since their logits are infinite.
+    In the middle the logit is 0, which a series only comes close to.
     """
     logits, classes = [], []
     with localcontext() as context:
@@ -65,7 +66,7 @@ def opacity_table(n_steps: int) -> OpacityTable:
             inside = min(max(Decimal(index), Decimal("0.25")), n_steps - Decimal("0.25"))
             angle = PI / 2 * inside / n_steps
             alpha, rest = sine(angle) ** 2, sine(PI / 2 - angle) ** 2
-            logits.append(float((alpha / rest).ln()))
+            logits.append(0.0 if 2 * index == n_steps else float((alpha / rest).ln()))
             classes.append(min(int((-2 * alpha.ln() / Decimal(2).ln()).to_integral_value()), MAX_TRANSPARENCY))
     return OpacityTable(np.array(logits, np.float32), np.array(classes, np.int64))
 

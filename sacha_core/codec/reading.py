@@ -60,15 +60,15 @@ class ByteReader:
         return struct.unpack("<" + layout, self.take(struct.calcsize("<" + layout)))
 
     def text(self) -> str:
-        """Give a string: a byte for its length in bytes, then printable UTF-8."""
+        """Give a string: a byte for its length in bytes, then UTF-8 without control characters."""
         (n_bytes,) = self.unpack("B")
         raw = self.take(n_bytes)
         try:
             text = raw.decode("utf-8")
         except UnicodeDecodeError as fault:
             raise self.error(f"a name is not UTF-8: {fault.reason}") from fault
-        if not text.isprintable():  # it will be shown in a terminal
-            raise self.error(f"a name has unprintable characters: {text!r}")
+        if has_control(text):
+            raise self.error(f"a name has control characters: {text!a}")
         return text
 
     def check_end(self) -> None:
@@ -81,7 +81,20 @@ class ByteReader:
             raise self.error(f"{self.left} bytes are left over")
 
 
+def has_control(text: str) -> bool:
+    """Tell whether a name would steer the terminal that shows it: U+0000 to 1F, 7F to 9F, the same in every version of Unicode."""
+    return any(character < " " or "\x7f" <= character <= "\x9f" for character in text)
+
+
 def pack_text(text: str) -> bytes:
-    """Write a string as `ByteReader.text` reads it, cut to 255 bytes at a character."""
+    """Write a string as `ByteReader.text` reads it, cut to 255 bytes at a character.
+
+    Raises:
+        FormatError: it has characters that a reader refuses.
+    """
+    if has_control(text) or any("\ud800" <= character <= "\udfff" for character in text):
+        raise FormatError(
+            f"the name {text!a} has control characters or unpaired surrogates, which the format does not hold"
+        )
     raw = text.encode("utf-8")[:255].decode("utf-8", "ignore").encode("utf-8")
     return bytes([len(raw)]) + raw

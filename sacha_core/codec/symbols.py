@@ -18,6 +18,7 @@ from jaxtyping import Bool, Int
 from sacha_core.codec import tokens as token_split
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.tables import MAX_TABLES, count_bits, grades_of, read_tables, table_weights, write_tables
+from sacha_core.errors import FormatError
 
 __all__ = ["SymbolReader", "SymbolWriter"]
 
@@ -41,9 +42,15 @@ class SymbolWriter:
         self._batches: list[tuple[Int[np.ndarray, " m"], Int[np.ndarray, " m"]]] = []
 
     def write(self, values: Int[np.ndarray, "..."], contexts: Int[np.ndarray, "..."]) -> None:
-        """Add a batch; both arrays are read in C order."""
+        """Add a batch; both arrays are read in C order.
+
+        Raises:
+            FormatError: a value has no token.
+        """
         if values.size and np.abs(values).max() > token_split.MAX_VALUE:
-            raise OverflowError(f"a symbol of {np.abs(values).max()} is beyond {token_split.MAX_VALUE}")
+            raise FormatError(
+                f"{np.abs(values).max()} steps off its prediction; the format holds up to {token_split.MAX_VALUE}"
+            )
         self._batches.append((values.reshape(-1).astype(np.int64), contexts.reshape(-1).astype(np.int64)))
 
     def finish(self) -> bytes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import tracemalloc
+import zlib
 
 import numpy as np
 import pytest
@@ -131,8 +132,6 @@ def test_every_length_field_of_the_table(sections):
 
 def reseal_table(data: bytearray) -> bytes:
     """Give the file with the right checksum of prefix and table."""
-    import zlib  # noqa: PLC0415
-
     n_sections = struct.unpack_from("<I", data, 12)[0]
     data[PREFIX_BYTES - 4 : PREFIX_BYTES] = bytes(4)
     checksum = zlib.crc32(data[: PREFIX_BYTES + n_sections * ENTRY_BYTES])
@@ -162,14 +161,31 @@ def test_header_counts_are_bounded_by_the_file(sections, field, value):
     assert peak < MEMORY_LIMIT
 
 
+def test_expression_weights_are_bounded_by_the_file_without_a_frame_too(sections):
+    """The base frame is there all the same."""
+    header = bytearray(sections[0].data)
+    struct.pack_into("<II", header, 4 + 4 * 3, 0, 0xFFFFFFFF)
+    data = replaced(sections, "Header", bytes(header))
+    for read in (decode, inspect):
+        with pytest.raises(FormatError, match="more than"):
+            read(data)
+
+
+def test_head_that_unpacks_to_far_more_than_its_bytes_is_refused(sections):
+    body = zlib.compress(bytes(1 << 26), 9)
+    bomb = b"\4bomb" + struct.pack("<IHI", 0, 0, 1 << 26) + body
+    with pytest.raises(FormatError, match="claim to unpack"):
+        embedded_head(replaced(sections, "head", bomb))
+
+
 def test_unknown_optional_section_is_skipped_and_unknown_needed_one_refused(sections):
     assert attempt(pack_sections([*sections, Section("novelty", b"?")]))
     with pytest.raises(FormatError, match="'Novelty' must be understood"):
         decode(pack_sections([*sections, Section("Novelty", b"?")]))
 
 
-def test_unprintable_name_is_refused(sections):
+def test_name_that_steers_a_terminal_is_refused(sections):
     header = Header.unpack(sections[0].reader(), 10**6)
     body = header.pack().replace(header.head.name.encode(), b"\x1b" * len(header.head.name))
-    with pytest.raises(FormatError, match="unprintable"):
+    with pytest.raises(FormatError, match="control characters"):
         decode(replaced(sections, "Header", body))

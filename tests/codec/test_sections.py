@@ -68,13 +68,14 @@ def test_opacity(counts, n_steps, seed):
     assert len(table.logit) == n_steps + 1
 
 
-@pytest.mark.parametrize("n_steps", [1, 7, 72, 1024])
+@pytest.mark.parametrize("n_steps", [1, 7, 36, 72, 1024])
 def test_opacity_table_against_the_library(n_steps):
     """Oracle: sin^2 and log of the platform's libm in float64."""
     inside = np.clip(np.arange(n_steps + 1.0), 0.25, n_steps - 0.25)
     angle = np.pi / 2 * inside / n_steps
     table = opacity_table(n_steps)
     assert np.allclose(table.logit, 2 * np.log(np.tan(angle)), rtol=FLOAT32_ROUNDING, atol=FLOAT32_ROUNDING)
+    assert np.array_equal(table.logit, -table.logit[::-1])  # the middle one is exactly 0
     octaves = -2 * np.log2(np.sin(angle) ** 2)
     off = np.abs(table.transparency - np.minimum(octaves, 24))
     assert off.max() <= 0.5 + LOGIT_TOLERANCE
