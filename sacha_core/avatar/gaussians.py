@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from sacha_core.avatar.rows import RowShape, check_rows
 from sacha_core.errors import FormatError
 
 __all__ = ["Gaussians"]
@@ -68,6 +69,7 @@ class Gaussians:
                 continue
             if len(value) != n:
                 raise FormatError(f"{f.name} has {len(value)} rows, expected {n} (one for each binding)")
+            check_rows(f.name, value.shape, ROWS[f.name])
             finite = np.isfinite(value).all(axis=tuple(range(1, value.ndim)))
             if not finite.all():
                 raise FormatError(f"{f.name} of Gaussian {int(np.argmin(finite))} is not finite")
@@ -79,3 +81,9 @@ class Gaussians:
             raise FormatError(
                 f"Gaussian {row} is bound to triangle {self.binding[row]}; the head has triangles 0 to {n_faces - 1}"
             )
+
+
+ROWS: dict[str, RowShape] = {
+    "position": (3,), "log_scale": (3,), "quaternion": (4,), "opacity_logit": (), "sh_dc": (3,), "sh_rest": (None, 3), "binding": (),
+    "sensitivity_logit": (),
+}  # fmt: skip

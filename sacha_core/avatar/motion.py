@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from sacha_core.avatar.rows import RowShape, check_rows
 from sacha_core.errors import FormatError
 
 __all__ = ["Motion"]
@@ -79,6 +80,7 @@ class Motion:
                 continue
             if f.name not in STATIC and len(value) != len(self):
                 raise FormatError(f"motion parameter {f.name} has {len(value)} frames, expected {len(self)}")
+            check_rows(f"motion parameter {f.name}", value.shape, ROWS[f.name])
             finite = np.isfinite(value).all(axis=tuple(range(1, value.ndim)))
             if not finite.all():
                 raise FormatError(f"motion parameter {f.name} is not finite at row {int(np.argmin(finite))}")
@@ -93,3 +95,6 @@ class Motion:
 
 
 DYNAMIC_WIDTHS = {"rotation": 3, "neck": 3, "jaw": 3, "eyes": 6, "translation": 3}
+ROWS: dict[str, RowShape] = {
+    "shape": (), "static_offset": (3,), "expression": (None,), **{name: (width,) for name, width in DYNAMIC_WIDTHS.items()},
+}  # fmt: skip

@@ -98,9 +98,10 @@ def check_head(avatar: Avatar, head: HeadModel | None, embed_head: bool) -> None
     """Check that `head` is the avatar's, and there where it is to be embedded."""
     if embed_head and head is None:
         raise HeadError(f"to embed the head {avatar.head.name!r} it has to be given")
-    if head is not None and head.reference.sha256 != avatar.head.sha256:
+    if head is not None and replace(head.reference, name=avatar.head.name) != avatar.head:
         named = [
-            f"{reference.name!r} (SHA-256 {reference.sha256[:12]}...)" for reference in (avatar.head, head.reference)
+            f"{reference.name!r} ({reference.n_faces} triangles, SHA-256 {reference.sha256[:12]}...)"
+            for reference in (avatar.head, head.reference)
         ]
         raise HeadError(f"the avatar is bound to head {named[0]}, another one, {named[1]}, was given")
 

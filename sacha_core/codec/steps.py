@@ -22,7 +22,6 @@ __all__ = ["MAX_EXPONENT", "STEPS", "Classes", "StepRule", "dequantise", "quanti
 
 MAX_EXPONENT = 47
 STEPS = np.array([math.isqrt(1 << exponent) for exponent in range(MAX_EXPONENT + 1)], np.int64)
-QUARTER = 4  # weights of a rule are in quarters
 LAYOUT = "5bBB"
 
 
@@ -66,7 +65,8 @@ class StepRule:
     def shift(self, classes: Classes) -> Int[np.ndarray, " n"]:
         """What the classes add to the exponent of each Gaussian."""
         total = self.transparency * classes.transparency + self.size * (self.reference - classes.size)
-        return np.asarray(np.clip((total - self.elongation * classes.elongation) >> 2, self.low, self.high))
+        quarters = total - self.elongation * classes.elongation
+        return np.asarray(np.clip(quarters >> 2, self.low, self.high))
 
     def steps(self, classes: Classes) -> Int[np.ndarray, " n"]:
         """Step of each Gaussian, in fine units."""

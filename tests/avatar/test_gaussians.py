@@ -125,3 +125,22 @@ def test_frame_rates_that_are_none(rate: float) -> None:
 def test_frames_that_disagree() -> None:
     with pytest.raises(FormatError, match="motion parameter neck has 3 frames, expected 4"):
         replace(Motion.rest(1, 1, 4), neck=np.zeros((3, 3), np.float32)).validate()
+
+
+@pytest.mark.parametrize(
+    "name", ["position", "log_scale", "quaternion", "opacity_logit", "sh_dc", "sh_rest", "binding"]
+)
+def test_validate_names_the_attribute_of_another_shape(name):
+    gaussians = numbered(4)
+    array = getattr(gaussians, name)
+    with pytest.raises(FormatError, match=rf"{name} has shape \(4, .*, expected \(rows"):
+        replace(gaussians, **{name: np.repeat(array[..., None], 2, axis=-1)}).validate(10)
+
+
+@pytest.mark.parametrize(
+    ("name", "shape"), [("rotation", (4, 4)), ("eyes", (4, 3)), ("static_offset", (5, 2)), ("shape", (2, 1))]
+)
+def test_validate_names_the_parameter_of_another_shape(name, shape):
+    motion = replace(Motion.rest(2, 3, 4), **{name: np.zeros(shape, np.float32)})
+    with pytest.raises(FormatError, match=rf"motion parameter {name} has shape .*, expected \(rows"):
+        motion.validate()

@@ -194,6 +194,8 @@ def test_another_head_is_refused():
         encode(avatar, head=other)
     with pytest.raises(HeadError, match="other"):
         decode(encode(avatar, head=head), head=other)
+    with pytest.raises(HeadError, match="300 triangles"):
+        encode(replace(avatar, head=replace(head.reference, n_faces=300)), head=head)
     with pytest.raises(HeadError, match="other"):
         decode(encode(avatar), head=other)
 
