@@ -42,15 +42,15 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         SachaError: the source is damaged or of no known kind.
         OSError: a file cannot be read or written.
     """
+    from sacha_core.cli.sources import keep
     from sacha_core.errors import HeadError
     from sacha_core.flame.head_file import save_head
     from sacha_core.flame.open import open_head
-    from sacha_core.flame.shelf import remember
     from sacha_core.regions.labels import label_triangles
     from sacha_core.regions.scheme import PAPER
 
     head = open_head(options.source, masks=options.masks)
-    remember(head)
+    keep(head)
     save_head(head, options.output)
     joints, shape, expression = len(head.parents), head.shapedirs.shape[2], head.exprdirs.shape[2]
     console.wrote("head", options.output, kilobytes(options.output.stat().st_size))

@@ -105,9 +105,9 @@ def run(options: Options, console: Console) -> dict[str, Any]:
 
 def film(options: Options, console: Console) -> tuple[Capture, HeadModel]:
     """Make the capture, or keep the one that is there."""
+    from sacha_core.cli.sources import keep
     from sacha_core.cli.synth import make_capture
     from sacha_core.flame.open import open_head
-    from sacha_core.flame.shelf import remember
     from sacha_core.interchange.capture import read_capture
     from sacha_core.synthesis.options import SynthOptions
 
@@ -115,7 +115,7 @@ def film(options: Options, console: Console) -> tuple[Capture, HeadModel]:
         width=options.width, height=options.height, seed=options.seed, train_timesteps=options.timesteps
     )
     head = open_head(options.head)
-    remember(head)
+    keep(head)
     make_capture(options.out / "capture", head, chosen, console)
     return read_capture(options.out / "capture"), head
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -10,8 +11,9 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.cli.common import HeadSource, naming
+from sacha_core.cli.program import one_line
 from sacha_core.codec import decode, embedded_head, inspect
-from sacha_core.errors import HeadError
+from sacha_core.errors import HeadError, SachaError
 from sacha_core.flame.model import HeadModel, HeadReference
 from sacha_core.flame.open import attach_masks, open_head
 from sacha_core.flame.posing import Poser
@@ -21,7 +23,7 @@ from sacha_core.interchange.gaussian_avatars import read_model
 from sacha_core.interchange.motion_file import read_motion
 from sacha_core.interchange.splat_ply import read_bound_ply
 
-__all__ = ["Opened", "capture_head", "decode_file", "named_head", "open_avatar", "open_motion"]
+__all__ = ["Opened", "capture_head", "decode_file", "keep", "named_head", "open_avatar", "open_motion"]
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,14 @@ def capture_head(capture: Capture, source: HeadSource) -> HeadModel:
     return _found(capture.head, source, capture.head_path, None)
 
 
+def keep(head: HeadModel) -> None:
+    """Remember a head for later; where that cannot be, which stops no work of now, say so on stderr."""
+    try:
+        remember(head)
+    except (SachaError, OSError) as error:
+        sys.stderr.write(f"warning: head {head.name!r} is not kept for later: {one_line(error)}\n")
+
+
 def open_motion(path: Path, head: HeadModel) -> Motion:
     """Read a motion for a head: FLAME parameters, or weights of a rig's blend shapes.
 
@@ -145,7 +155,7 @@ def _named(source: HeadSource, otherwise: str) -> HeadModel:
     head = named_head(source)
     if head is None:
         raise HeadError(f"{otherwise}: name it with --head HEAD")
-    remember(head)
+    keep(head)
     return head
 
 
@@ -155,5 +165,5 @@ def _found(reference: HeadReference, source: HeadSource, beside: Path | None, em
     head = find_head(reference, named, embedded, source.masks)
     if source.masks is not None and named is None:
         head = attach_masks(head, source.masks)
-    remember(head)
+    keep(head)
     return head

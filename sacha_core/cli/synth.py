@@ -88,8 +88,8 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         SachaError: an option makes no sense.
         OSError: a file cannot be written.
     """
+    from sacha_core.cli.sources import keep
     from sacha_core.flame.open import open_head
-    from sacha_core.flame.shelf import remember
     from sacha_core.synthesis.options import SynthOptions
 
     everything = SynthOptions()
@@ -110,7 +110,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     head = open_head(options.head)
     if not head.name.startswith("synthetic-"):
         raise HeadError(f"--head {options.head} is not a synthetic head; only those come with an appearance to film")
-    remember(head)
+    keep(head)
     union = make_capture(options.out, head, chosen, console)
     n_timesteps = len(chosen.train) * chosen.train_timesteps + chosen.test_timesteps
     n_images = n_timesteps * len(chosen.cameras)

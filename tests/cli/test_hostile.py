@@ -230,6 +230,25 @@ def test_an_avatar_whose_head_nobody_has(
     done("render", alone, "-o", tmp_path / "again.png", *size)  # that was remembered, too
 
 
+def test_a_head_folder_that_cannot_be_written_stops_nothing(
+    call, ply: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    head = synthetic_head("small")
+    rig = write_rig(tmp_path / "rig.npz", head.v_template * np.float32(1.01), head)
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("SACHA_HEADS", str(tmp_path / "file" / "heads"))
+    for arguments, written in (
+        (("encode", "--ply", ply), "a.sacha"),
+        (("render", ply, "--width", 32, "--height", 48), "a.png"),
+    ):
+        outcome = call(*arguments, "--head", rig, "-o", tmp_path / written)
+        assert outcome.status == 0
+        assert outcome.err.startswith("warning: head 'rig' is not kept for later: ")
+        assert str(tmp_path / "file") in outcome.err
+        assert outcome.err.count("\n") == 1
+        assert (tmp_path / written).stat().st_size > 0
+
+
 def test_an_avatar_judged_on_a_capture_of_another_length(refused, done, model: Path, tmp_path: Path) -> None:
     done(
         *("synth", tmp_path / "other", "--head", "synthetic:small", "--width", 32, "--height", 47, "--cameras", 5, 8),
