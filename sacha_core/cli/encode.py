@@ -29,8 +29,10 @@ class Options:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FILE.sacha")]
     """Where the compressed avatar goes."""
 
-    model: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help_behavior_hint="")] = None
-    """A model folder."""
+    model: Annotated[
+        Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help_behavior_hint="(or --ply)")
+    ] = None
+    """A model folder, or a .sacha file to compress anew."""
 
     ply: FileOption = None
     """Instead of a model folder: a PLY of Gaussians that are bound to triangles (`binding_0`)."""
@@ -64,6 +66,8 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         raise OptionError("expected one of the two: a model folder, or --ply FILE with --head HEAD")
     path = options.model or options.ply
     assert path is not None
+    if options.ply is not None and options.ply.suffix.lower() != ".ply":
+        raise OptionError(f"--ply {options.ply}: expected a file whose name ends in .ply")
     opened = open_avatar(path, options.head, options.motion)
     avatar = opened.avatar
     data = encode(avatar, options.level, head=opened.head, embed_head=options.embed_head)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
 import tyro
 
 from sacha_core.cli.common import Common, FileOption, HeadSource, PixelsOption, require_size
@@ -15,8 +16,6 @@ from sacha_core.errors import OptionError
 from sacha_core.progress import Progress
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from sacha_core.cli.cameras import RoundTheHead, ThroughCapture
     from sacha_core.cli.stage import Stage
 
@@ -109,6 +108,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     if (options.output is None) == (options.video is None):
         raise OptionError("expected one of the two: -o FILE.png for a picture, --video FILE.mp4 for a video")
     require_size(width=options.width, height=options.height)
+    require_consistent(options)
     opened = open_avatar(options.avatar, options.head, options.motion)
     gaussians = opened.avatar.gaussians
     colours = region_colours(gaussians, opened.head) if options.colour == "region" else None
@@ -117,6 +117,31 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         return draw_picture(stage, options, options.output, console)
     assert options.video is not None
     return draw_video(stage, options, options.video, console)
+
+
+def require_consistent(options: Options) -> None:
+    """Check that every option that was given has a part in what will be drawn.
+
+    Raises:
+        OptionError: naming the first that has none, or that is not finite.
+    """
+    view, usual = options.view, ViewOptions()
+    for name in ("azimuth", "elevation", "distance", "focal", "orbit"):
+        value = getattr(view, name)
+        if value is not None and not np.isfinite(value).all():
+            raise OptionError(f"--{name} is not finite, expected plain numbers")
+        if value != getattr(usual, name) and view.dataset is not None:
+            raise OptionError(f"--{name} moves no camera of a capture; expected it or --dataset, not both")
+    if view.camera != usual.camera and view.dataset is None:
+        raise OptionError("--camera names a camera of a capture; expected --dataset DATASET beside it")
+    if not view.azimuth or not view.camera:
+        raise OptionError(f"--{'camera' if view.azimuth else 'azimuth'} has no value, expected one or more")
+    if options.video is not None and options.frame != Options.frame:
+        raise OptionError("--frame is for a picture; expected --frames FROM:TO for a video")
+    if options.video is None and options.frames != Options.frames:
+        raise OptionError("--frames is for a video; expected --frame N for a picture")
+    if options.video is None and view.orbit != usual.orbit:
+        raise OptionError("--orbit is for a video; expected --azimuth DEGREES for a picture")
 
 
 def draw_picture(stage: Stage, options: Options, path: Path, console: Console) -> dict[str, Any]:
