@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import importlib
+import io
 import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr
+from itertools import takewhile
 from types import ModuleType
 from typing import Any
 
 from sacha_core.cli.commands import COMMANDS
 from sacha_core.errors import OptionError, SachaError
 
-__all__ = ["EXIT_BAD_INPUT", "EXIT_INTERRUPTED", "main"]
+__all__ = ["EXIT_BAD_INPUT", "EXIT_INTERRUPTED", "boxed", "main", "one_line"]
 
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 
+BOX = " ─│╭╮╰╯"  # what tyro's boxes are drawn with
 DESCRIPTION = """Semantic-aware compression of animatable 3D Gaussian head avatars.
 
 From captured frames to a small .sacha file and back: synth or capture, train, encode, decode, render, evaluate.
@@ -89,12 +93,15 @@ def _run(name: str, arguments: list[str]) -> int:
     from sacha_core.cli.console import Console, write_report
 
     module = _load(name)
-    options = tyro.cli(
-        module.Options,
-        prog=f"sacha {name}",
-        args=arguments,
-        config=(tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff),
-    )
+    with _wrong_usage_on_one_line(f"sacha {name}"):
+        options = tyro.cli(
+            module.Options,
+            prog=f"sacha {name}",
+            args=arguments,
+            config=(tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff),
+        )
+    if options.common.json is not None and options.common.json.is_dir():  # better said now than after hours of work
+        raise OptionError(f"--json {options.common.json} is a folder; expected the name of a file")
     start = time.perf_counter()
     with Console(options.common.progress) as console:
         found: dict[str, Any] = module.run(options, console)
@@ -104,6 +111,36 @@ def _run(name: str, arguments: list[str]) -> int:
             console.say(f"report       {options.common.json}")
     sys.stdout.flush()
     return 0
+
+
+@contextmanager
+def _wrong_usage_on_one_line(program: str) -> Iterator[None]:
+    """Turn the box that tyro prints and ends with where the arguments make no sense into an error of one line.
+
+    Raises:
+        OptionError: what the box said between its title and its next rule, which explanations follow.
+    """
+    told = io.StringIO()
+    try:
+        with redirect_stderr(told):
+            yield
+    except SystemExit as stop:
+        if stop.code in {0, None}:
+            raise
+        raise OptionError(f"{boxed(told.getvalue())}; see {program} --help") from stop
+
+
+def boxed(text: str) -> str:
+    """Give on one line what a box of tyro's says below its title, without the explanations below its next rule.
+
+    Args:
+        text: the box; on terminals that know no line-drawing characters its title is a line of its own with a rule below.
+    """
+    lines = text.splitlines()
+    after_title = lines[1:] if text.startswith("╭") else lines[2:]
+    said = takewhile(lambda line: line.strip(BOX + "-"), after_title)
+    what = " ".join(" ".join(line.strip(BOX) for line in said).split()).rstrip(".")
+    return what.removeprefix("Error parsing ") or "the arguments make no sense"
 
 
 def _front_page(arguments: list[str]) -> int:
@@ -117,7 +154,10 @@ def _front_page(arguments: list[str]) -> int:
         return 0
 
     listed = {name: _described(command.summary) for name, command in COMMANDS.items() if command.summary}
-    tyro.extras.subcommand_cli_from_dict(listed, prog="sacha", description=DESCRIPTION, args=arguments or ["--help"])
+    with _wrong_usage_on_one_line("sacha"):
+        tyro.extras.subcommand_cli_from_dict(
+            listed, prog="sacha", description=DESCRIPTION, args=arguments or ["--help"]
+        )
     raise OptionError(f"no command in {' '.join(arguments)}")  # pragma: no cover (tyro has ended the program)
 
 

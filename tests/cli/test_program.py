@@ -95,13 +95,39 @@ def test_interruption_is_130(fake: Fake, capsys: pytest.CaptureFixture[str]) -> 
     assert capsys.readouterr().err == "sacha fake: interrupted\n"
 
 
-@pytest.mark.parametrize("arguments", [["fake", "--nonsense"], ["fake", "--progress", "loud"], ["nonsense"]])
-def test_wrong_arguments_are_exit_2(fake: Fake, capsys: pytest.CaptureFixture[str], arguments: list[str]) -> None:
+@pytest.mark.parametrize(
+    ("arguments", "program_name", "culprit"),
+    [
+        (["fake", "--nonsense"], "sacha fake", "--nonsense"),
+        (["fake", "--progress", "loud"], "sacha fake", "'loud' for argument '--progress'"),
+        (["fake", "--json"], "sacha fake", "'--json'"),
+        (["fake", "--json", "."], "sacha fake", "--json . is a folder"),
+        (["encode"], "sacha encode", "--output FILE.sacha"),
+        (
+            ["render", "a", "-o", "b", "--frame", "x"],
+            "sacha render",
+            "--frame: invalid literal for int() with base 10: 'x'",
+        ),
+        (["nonsense"], "sacha", "nonsense"),
+    ],
+)
+def test_wrong_arguments_are_one_line_and_exit_2(
+    fake: Fake, capsys: pytest.CaptureFixture[str], arguments: list[str], program_name: str, culprit: str
+) -> None:
     fake(raising(AssertionError("must not run")))
     assert main(arguments) == 2
     captured = capsys.readouterr()
-    assert captured.err
-    assert "Traceback" not in captured.err
+    assert captured.err.startswith(f"{program_name}: ")
+    assert captured.err.count("\n") == 1
+    assert culprit in captured.err
+    assert not set("─│╭╮╰╯") & set(captured.err)
+    assert not captured.out
+
+
+def test_boxes_are_read_with_and_without_lines_drawn() -> None:
+    drawn = "╭─ Value error ─╮\n│ Error parsing │\n│ --frame: x.   │\n│ ───────────── │\n│ Helptext      │\n╰──────╯\n"
+    plain = " Value error \n -------------\n  Error parsing \n --frame: x.   \n ------------- \n Helptext\n"
+    assert program.boxed(drawn) == program.boxed(plain) == "--frame: x"
 
 
 def test_help_lists_every_public_command(capsys: pytest.CaptureFixture[str]) -> None:
