@@ -50,7 +50,7 @@ def write_aside(path: str | os.PathLike[str]) -> Iterator[Path]:
             with aside.open("rb") as whole, target.open("wb") as sink:
                 shutil.copyfileobj(whole, sink)
     except OSError as error:
-        if error.filename is None:  # as where a write finds the disk full
+        if error.filename is None and error.errno is not None:  # as where a write finds the disk full
             error.filename = os.fspath(path)
         raise
     finally:
