@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from sacha_core.evaluate.comparison import Quality, VariantResult
     from sacha_core.flame.model import HeadModel
     from sacha_core.interchange.capture import Capture
+    from sacha_core.train.options import TrainOptions
 
 __all__ = ["Options", "run"]
 
@@ -83,10 +84,13 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     from sacha_core.evaluate.comparison import Judge
     from sacha_core.evaluate.overview import Overview
 
+    plans = {
+        name: training(options, name) for name in (BASELINE, OURS)
+    }  # first of all: what makes no sense is said at once
     watch = Stopwatch()
     with watch("synth"):
         capture, head = film(options, console)
-    avatars = train_both(options, console, capture, head, watch)
+    avatars = train_all(plans, options.out, console, capture, head, watch)
     judge = Judge(capture, head, console.report)
     results = {}
     for name, avatar in avatars.items():
@@ -120,24 +124,33 @@ def film(options: Options, console: Console) -> tuple[Capture, HeadModel]:
     return read_capture(options.out / "capture"), head
 
 
-def train_both(
-    options: Options, console: Console, capture: Capture, head: HeadModel, watch: Stopwatch
+def training(options: Options, name: str) -> TrainOptions:
+    """Give the options of one variant's run."""
+    from sacha_core.train.options import TrainOptions
+    from sacha_core.train.presets import scaled
+
+    return scaled(options.iterations, name, TrainOptions(seed=options.seed))
+
+
+def train_all(
+    plans: Mapping[str, TrainOptions],
+    out: Path,
+    console: Console,
+    capture: Capture,
+    head: HeadModel,
+    watch: Stopwatch,
 ) -> dict[str, Avatar]:
-    """Train the baseline, then, from its warm-up on, ours."""
+    """Train each variant in turn, all but the first from its warm-up on."""
     from sacha_core.avatar.avatar import Avatar
     from sacha_core.train.loop import train
-    from sacha_core.train.options import TrainOptions
     from sacha_core.train.output import WARM_UP_CHECKPOINT
-    from sacha_core.train.presets import scaled
 
     avatars = {}
     start_from = None
-    for name in (BASELINE, OURS):
-        chosen = scaled(options.iterations, name, TrainOptions(seed=options.seed))
-        folder = options.out / name
+    for name, plan in plans.items():
         with watch(f"train {name}"):
-            trained = train(capture, head, chosen, folder, console.report, start_from=start_from)
-        start_from = folder / WARM_UP_CHECKPOINT
+            trained = train(capture, head, plan, out / name, console.report, start_from=start_from)
+        start_from = start_from or out / name / WARM_UP_CHECKPOINT
         avatars[name] = Avatar(trained.gaussians, head.reference, trained.motion)
     return avatars
 

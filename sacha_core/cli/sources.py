@@ -13,7 +13,7 @@ from sacha_core.avatar.motion import Motion
 from sacha_core.cli.common import HeadSource, naming
 from sacha_core.cli.program import one_line
 from sacha_core.codec import decode, embedded_head, inspect
-from sacha_core.errors import HeadError, SachaError
+from sacha_core.errors import FormatError, HeadError, SachaError
 from sacha_core.flame.model import HeadModel, HeadReference
 from sacha_core.flame.open import attach_masks, open_head
 from sacha_core.flame.posing import Poser
@@ -111,10 +111,12 @@ def open_motion(path: Path, head: HeadModel) -> Motion:
     """Read a motion for a head: FLAME parameters, or weights of a rig's blend shapes.
 
     Raises:
-        FormatError: the file holds no motion.
+        FormatError: the file holds no motion, or one of no frames.
         HeadError: the head cannot move so: it lacks components or vertices that the motion uses.
     """
     motion = read_motion(path, head)
+    if len(motion) == 0:
+        raise FormatError(f"{path} holds a motion of no frames")
     try:
         Poser(head, motion)
     except HeadError as error:

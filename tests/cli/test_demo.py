@@ -24,6 +24,11 @@ def finished(tmp_path_factory, done):
     return out, outcome, json.loads((out / "report.json").read_text())
 
 
+def test_what_makes_no_sense_is_said_before_anything_is_filmed(refused, tmp_path: Path) -> None:
+    assert "iterations" in refused("demo", "--out", tmp_path / "demo", *MINIATURE, "--iterations", 0)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.slow
 def test_report_has_every_variant_level_and_split(finished):
     _, _, report = finished
@@ -54,10 +59,11 @@ def test_bytes_are_those_on_disk_and_grow_with_the_level(finished):
 def test_figures_are_what_evaluate_finds_on_the_files(finished, done):
     """The command `evaluate` reads the model back from disk: an independent way to the same figures."""
     out, _, report = finished
-    outcome = done("evaluate", out / "sacha", out / "capture")
-    for split in ("novel_view", "novel_expression"):
-        expected = report["variants"]["sacha"][split]["psnr"]
-        assert outcome.report[split]["psnr"] == pytest.approx(expected, abs=ROUNDING)
+    ours = report["variants"]["sacha"]
+    for avatar, judged in ((out / "sacha", ours), (out / "sacha-1.sacha", ours["levels"]["1"])):
+        outcome = done("evaluate", avatar, out / "capture")
+        for split in ("novel_view", "novel_expression"):
+            assert outcome.report[split]["psnr"] == pytest.approx(judged[split]["psnr"], abs=ROUNDING)
 
 
 @pytest.mark.slow

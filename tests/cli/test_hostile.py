@@ -178,6 +178,14 @@ def test_a_ply_without_its_head(refused, ply: Path, tmp_path: Path) -> None:
     assert "--head" in refused("render", ply, "-o", tmp_path / "a.png")
 
 
+def test_a_motion_of_no_frames(refused, ply: Path, tmp_path: Path) -> None:
+    head = synthetic_head("small")
+    motion = Motion.rest(head.shapedirs.shape[2], head.exprdirs.shape[2], 2).frames(slice(0, 0))
+    write_flame_param(tmp_path / "m.npz", motion)
+    line = refused("encode", "--ply", ply, "--head", "synthetic:small", "--motion", tmp_path / "m.npz", "-o", "a.sacha")
+    assert "m.npz holds a motion of no frames" in line
+
+
 def test_a_motion_that_the_head_cannot_make(refused, ply: Path, tmp_path: Path) -> None:
     head = synthetic_head("small")
     motion = Motion.rest(head.shapedirs.shape[2], head.exprdirs.shape[2] + 3, 2)
