@@ -14,9 +14,12 @@ import tyro
 
 from sacha_core.cli.common import Common, HeadSource
 from sacha_core.cli.console import Console, table
-from sacha_core.errors import SachaError
+from sacha_core.errors import OptionError, SachaError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sacha_core.evaluate.coverage import Coverage
     from sacha_core.interchange.capture import Capture, View
 
 PACKAGES = {  # package: what it is needed for; the first ones are needed for everything
@@ -66,6 +69,8 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     """
     if options.dataset is not None:
         return check_capture(options.dataset, options.head, console)
+    if options.head != HeadSource():
+        raise OptionError("--head and --masks say whose head a capture shows; expected a DATASET beside them")
     return check_installation(console)
 
 
@@ -138,19 +143,9 @@ def check_capture(root: Path, source: HeadSource, console: Console) -> dict[str,
     console.say(f"head         {head.name}: {head.n_vertices} vertices, {head.n_faces} triangles")
     views = spread((*capture.train, *capture.val, *capture.test), LOOKED_AT)
     covered = mesh_coverage(capture, head, views, console.report)
-    worst = min(covered, key=lambda one: one.inside)
-    mean = sum(one.inside for one in covered) / len(covered)
-    console.say(
-        f"tracking     {100 * mean:.1f} % of the head's vertices lie inside the mask over {len(covered)} views, "
-        f"at worst {100 * worst.inside:.1f} % ({worst.view.image_path.name})"
-    )
-    poor = [one for one in covered if one.inside < ENOUGH_COVERED]
-    if poor:
-        console.say(
-            f"warning      {len(poor)} of {len(covered)} views show the head elsewhere than tracked (under "
-            f"{100 * ENOUGH_COVERED:.0f} %): wrong head, wrong cameras, or a lost track"
-        )
-    else:
+    worst, mean = min(one.inside for one in covered), sum(one.inside for one in covered) / len(covered)
+    poor = tell_coverage(covered, console)
+    if not poor:
         console.hint(f"sacha train {root} -o MODEL")
     return {
         **summary,
@@ -167,9 +162,26 @@ def check_capture(root: Path, source: HeadSource, console: Console) -> dict[str,
             for one in covered
         ],
         "coverage_mean": mean,
-        "coverage_worst": worst.inside,
+        "coverage_worst": worst,
         "warnings": [f"{one.view.image_path}: {100 * one.inside:.1f} % inside the mask" for one in poor],
     }
+
+
+def tell_coverage(covered: Sequence[Coverage], console: Console) -> list[Coverage]:
+    """Say how much of the tracked head lies where it is seen; give the views where too little of it does."""
+    worst = min(covered, key=lambda one: one.inside)
+    mean = sum(one.inside for one in covered) / len(covered)
+    console.say(
+        f"tracking     {100 * mean:.1f} % of the head's vertices lie inside the mask over {len(covered)} views, "
+        f"at worst {100 * worst.inside:.1f} % ({worst.view.image_path.name})"
+    )
+    poor = [one for one in covered if one.inside < ENOUGH_COVERED]
+    if poor:
+        console.say(
+            f"warning      {len(poor)} of {len(covered)} views show the head elsewhere than tracked (under "
+            f"{100 * ENOUGH_COVERED:.0f} %): wrong head, wrong cameras, or a lost track"
+        )
+    return poor
 
 
 def summarise(capture: Capture) -> dict[str, Any]:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from sacha_core.cli.common import Common, FileOption, HeadSource
 from sacha_core.cli.console import Console, kilobytes
 from sacha_core.errors import OptionError
+
+if TYPE_CHECKING:
+    from sacha_core.avatar.gaussians import Gaussians
+    from sacha_core.codec import Inspection
 
 __all__ = ["Options", "run"]
 
@@ -74,15 +78,34 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     with write_aside(options.output) as aside:
         aside.write_bytes(data)
     found = inspect(data)
-    raw = (
-        4 * (15 + 3 * (avatar.gaussians.sh_degree + 1) ** 2) * len(avatar.gaussians)
-    )  # float32, as GaussianAvatars' PLY
-    left_out = len(avatar.gaussians) - found.n_gaussians
+    raw = ply_bytes(avatar.gaussians)
+    tell(options, found, len(avatar.gaussians), raw, console)
+    console.hint(f"sacha render {options.output} --frame 0 -o {options.output.with_suffix('.png')}")
+    return {
+        "file": options.output,
+        "level": options.level,
+        "n_gaussians": found.n_gaussians,
+        "n_gaussians_left_out": len(avatar.gaussians) - found.n_gaussians,
+        "n_frames": found.n_frames,
+        "raw_bytes": raw,
+        "bytes": byte_counts(found),
+        "head": asdict(avatar.head),
+    }
+
+
+def ply_bytes(gaussians: Gaussians) -> int:
+    """Give the bytes that the numbers of Gaussians take in GaussianAvatars' PLY, float32 each."""
+    return 4 * (15 + 3 * (gaussians.sh_degree + 1) ** 2) * len(gaussians)
+
+
+def tell(options: Options, found: Inspection, n_given: int, raw_bytes: int, console: Console) -> None:
+    """Say what was written, and what each part costs."""
+    left_out = n_given - found.n_gaussians
     console.wrote("avatar", options.output, f"level {options.level}, {kilobytes(found.total_bytes)}")
     console.say(
         f"gaussians    {kilobytes(found.gaussian_bytes)} for {found.n_gaussians:,}"
         + (f" ({left_out:,} that never show were left out)" if left_out else "")
-        + f"; as PLY {kilobytes(raw)}, {raw / found.gaussian_bytes:.0f} times as much"
+        + f"; as PLY {kilobytes(raw_bytes)}, {raw_bytes / found.gaussian_bytes:.0f} times as much"
     )
     if found.n_frames:
         console.say(
@@ -94,16 +117,5 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     console.say(
         f"head         {kilobytes(found.head_bytes)}, inside the file"
         if found.head_bytes
-        else f"head         not inside: whoever opens the file needs {opened.head.name!r} (--embed-head puts it in)"
+        else f"head         not inside: whoever opens the file needs {found.head.name!r} (--embed-head puts it in)"
     )
-    console.hint(f"sacha render {options.output} --frame 0 -o {options.output.with_suffix('.png')}")
-    return {
-        "file": options.output,
-        "level": options.level,
-        "n_gaussians": found.n_gaussians,
-        "n_gaussians_left_out": left_out,
-        "n_frames": found.n_frames,
-        "raw_bytes": raw,
-        "bytes": byte_counts(found),
-        "head": asdict(avatar.head),
-    }

@@ -178,6 +178,10 @@ def test_a_ply_without_its_head(refused, ply: Path, tmp_path: Path) -> None:
     assert "--head" in refused("render", ply, "-o", tmp_path / "a.png")
 
 
+def test_a_head_named_to_a_check_of_the_installation(refused) -> None:
+    assert "DATASET" in refused("doctor", "--head", "synthetic")
+
+
 def test_a_motion_of_no_frames(refused, ply: Path, tmp_path: Path) -> None:
     head = synthetic_head("small")
     motion = Motion.rest(head.shapedirs.shape[2], head.exprdirs.shape[2], 2).frames(slice(0, 0))
