@@ -92,6 +92,8 @@ def modal(operator: bpy.types.Operator, context: bpy.types.Context, event: bpy.t
     if event.type != "TIMER":
         return {"PASS_THROUGH"}
     _redraw(context)
+    if not _running:  # ended from elsewhere, and this is the timer of another
+        return {"CANCELLED"}
     running = _running[0]
     if running.job.poll() is Outcome.RUNNING:
         return {"PASS_THROUGH"}
