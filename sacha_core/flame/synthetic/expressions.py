@@ -1,4 +1,7 @@
-"""What a face can do: a name and a field for each expression component; 1 is a full movement, with the jaw closed (opening it is the joint's)."""
+"""What a face can do: a name and a field for each expression component.
+
+1 is a full movement, with the jaw closed (opening it is the joint's).
+"""
 
 from __future__ import annotations
 
