@@ -12,7 +12,16 @@ import tyro
 
 from sacha_core.errors import FormatError, OptionError
 
-__all__ = ["Common", "FileOption", "HeadSource", "ImageSize", "PixelsOption", "naming", "require_size"]
+__all__ = [
+    "Common",
+    "FileOption",
+    "HeadSource",
+    "ImageSize",
+    "PixelsOption",
+    "naming",
+    "require_both_sides",
+    "require_size",
+]
 
 FileOption = Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")]
 PixelsOption = Annotated[int | None, tyro.conf.arg(metavar="PIXELS", help_behavior_hint="")]
@@ -61,6 +70,17 @@ def require_size(**sides: int | None) -> None:
     for name, pixels in sides.items():
         if pixels is not None and not 1 <= pixels <= LARGEST_SIDE:
             raise OptionError(f"--{name} is {pixels}, expected 1 to {LARGEST_SIDE} pixels")
+
+
+def require_both_sides(width: int | None, height: int | None) -> None:
+    """Check that a capture's images are resized along both sides or not at all, since one alone would squeeze them.
+
+    Raises:
+        OptionError: only one is given.
+    """
+    if (width is None) != (height is None):
+        given, missing = ("--width", "--height") if height is None else ("--height", "--width")
+        raise OptionError(f"{given} without {missing} would squeeze the capture's images; give both or neither")
 
 
 @contextmanager

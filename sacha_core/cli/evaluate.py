@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from sacha_core.cli.common import Common, HeadSource, ImageSize, require_size
+from sacha_core.cli.common import Common, HeadSource, ImageSize, require_both_sides, require_size
 from sacha_core.cli.console import Console, table
 from sacha_core.errors import OptionError
 
@@ -51,6 +51,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     if options.images < 1:
         raise OptionError(f"--images is {options.images}, expected at least 1")
     require_size(width=options.size.width, height=options.size.height)
+    require_both_sides(options.size.width, options.size.height)
     capture = read_capture(options.dataset)
     opened = open_avatar(options.avatar, options.head)
     found = evaluate_avatar(

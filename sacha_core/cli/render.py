@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource, PixelsOption, require_size
+from sacha_core.cli.common import Common, FileOption, HeadSource, PixelsOption, require_both_sides, require_size
 from sacha_core.cli.console import Console
 from sacha_core.errors import OptionError
 from sacha_core.progress import Progress
@@ -189,6 +189,7 @@ def viewpoints(stage: Stage, options: Options, first_frame: int) -> RoundTheHead
 
     view = options.view
     if view.dataset is not None:
+        require_both_sides(options.width, options.height)
         return ThroughCapture(read_capture(view.dataset), view.camera, options.width, options.height)
     width, height = options.width or DEFAULT_SIZE[0], options.height or DEFAULT_SIZE[1]
     extent = stage.extent(first_frame)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from sacha_core.cli.common import Common, HeadSource, PixelsOption
+from sacha_core.cli.common import Common, HeadSource, PixelsOption, require_both_sides
 from sacha_core.cli.console import Console
 from sacha_core.cli.waiting import duration
 from sacha_core.errors import OptionError
@@ -125,6 +125,7 @@ def train_options(options: Options) -> TrainOptions:
     from sacha_core.train.options import TrainOptions
     from sacha_core.train.presets import scaled, variant
 
+    require_both_sides(options.width, options.height)
     if options.preset is not None and options.iterations is not None:
         raise OptionError("--preset paper is a run of 360,000 iterations; expected it or --iterations, not both")
     base = TrainOptions(

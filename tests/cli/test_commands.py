@@ -293,3 +293,12 @@ def test_doctor_finds_the_head_inside_the_masks(done, capture: Path) -> None:
     assert outcome.report["coverage_worst"] > 0.8
     assert outcome.report["warnings"] == []
     assert "warning" not in outcome.out
+
+
+def test_one_side_alone_would_squeeze(refused, capture, model, tmp_path):
+    for command in (("train", capture, "-o", tmp_path / "m"), ("evaluate", model, capture)):
+        assert "--height without --width" in refused(*command, "--height", 40)
+    looked = ("render", model, "-o", tmp_path / "a.png", "--dataset", capture)
+    assert "--width without --height" in refused(*looked, "--width", 40)
+    assert not (tmp_path / "m").exists()
+    assert not (tmp_path / "a.png").exists()
