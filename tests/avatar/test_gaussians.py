@@ -127,6 +127,7 @@ def test_frames_that_disagree() -> None:
         replace(Motion.rest(1, 1, 4), neck=np.zeros((3, 3), np.float32)).validate()
 
 
+@pytest.mark.wrong_shapes
 @pytest.mark.parametrize(
     "name", ["position", "log_scale", "quaternion", "opacity_logit", "sh_dc", "sh_rest", "binding"]
 )
@@ -137,6 +138,7 @@ def test_validate_names_the_attribute_of_another_shape(name):
         replace(gaussians, **{name: np.repeat(array[..., None], 2, axis=-1)}).validate(10)
 
 
+@pytest.mark.wrong_shapes
 @pytest.mark.parametrize(
     ("name", "shape"), [("rotation", (4, 4)), ("eyes", (4, 3)), ("static_offset", (5, 2)), ("shape", (2, 1))]
 )
