@@ -18,7 +18,8 @@ __all__ = ["Options", "run"]
 class Options:
     """Make a head model (.npz) from a FLAME pickle, from any rig with blend shapes, or from the synthetic head.
 
-    A pickle runs no code of its own: only the arrays of a FLAME model are read from it. FLAME gets the teeth that GaussianAvatars adds.
+    A pickle runs no code of its own: only the arrays of a FLAME model are read from it. FLAME gets the teeth that GaussianAvatars adds; a
+    head without texture coordinates is unwrapped.
 
     sacha convert-head flame2023.pkl --masks FLAME_masks.pkl -o flame.npz
     """
@@ -46,10 +47,12 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     from sacha_core.errors import HeadError
     from sacha_core.flame.head_file import save_head
     from sacha_core.flame.open import open_head
+    from sacha_core.flame.unwrap import unwrapped
     from sacha_core.regions.labels import label_triangles
     from sacha_core.regions.scheme import PAPER
 
-    head = open_head(options.source, masks=options.masks)
+    opened = open_head(options.source, masks=options.masks)
+    head = unwrapped(opened)
     keep(head)
     save_head(head, options.output)
     joints, shape, expression = len(head.parents), head.shapedirs.shape[2], head.exprdirs.shape[2]
@@ -60,6 +63,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         + (f", of which {head.n_teeth_faces} are teeth" if head.n_teeth_faces else "")
     )
     console.say(f"components   {shape} of shape, {expression} of expression; {joints} joint{'s' * (joints > 1)}")
+    console.say(f"texture      coordinates {'made by unwrapping' if head is not opened else 'of its own'}")
     counts: dict[str, int] = {}
     try:
         labels = label_triangles(head, PAPER)
@@ -74,5 +78,6 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         "n_expression": expression,
         "n_joints": joints,
         "n_teeth_faces": head.n_teeth_faces,
+        "unwrapped": head is not opened,
         "region_triangles": counts,
     }

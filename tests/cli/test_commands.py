@@ -269,6 +269,7 @@ def test_convert_head_keeps_the_head(done, tmp_path: Path) -> None:
     again = done("convert-head", tmp_path / "head.npz", "-o", tmp_path / "again.npz")
     assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "head.npz").read_bytes()
     assert again.report["name"] == "synthetic-small-0"
+    assert not again.report["unwrapped"]
 
 
 def test_convert_head_of_a_rig_that_tells_no_regions(done, tmp_path: Path) -> None:
@@ -278,7 +279,10 @@ def test_convert_head_of_a_rig_that_tells_no_regions(done, tmp_path: Path) -> No
     assert outcome.report["region_triangles"] == {}
     assert "regions      unknown: head 'rig' has no vertex mask boundary, eye_region" in outcome.out
     assert "--masks FLAME_masks.pkl" in outcome.out
-    assert load_head(tmp_path / "head.npz").masks.keys() == {"neck"}
+    converted = load_head(tmp_path / "head.npz")
+    assert converted.masks.keys() == {"neck"}
+    assert outcome.report["unwrapped"]
+    assert converted.uv_faces.shape == head.faces.shape
 
 
 def test_doctor_lists_packages(done) -> None:
