@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +12,12 @@ import numpy as np
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import PLY_BYTES_PER_GAUSSIAN, Gaussians
 from sacha_core.codec import decode, encode, inspect
-from sacha_core.evaluate.splits import FRAMES, novel_expression_views, novel_view_views
-from sacha_core.evaluate.views import score_views
+from sacha_core.evaluate.views import evaluate_avatar, evaluation_motion
 from sacha_core.evaluate.visibility import visible_gaussians
 from sacha_core.files import write_aside
 from sacha_core.flame.model import HeadModel
 from sacha_core.interchange.capture import Capture
-from sacha_core.progress import Report, silent
+from sacha_core.progress import Progress, Report, silent
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.regions.labels import label_triangles, region_counts
 from sacha_core.regions.scheme import PAPER
@@ -118,8 +117,7 @@ class VariantResult:
 class Judge:
     """Measures variants on one capture, all in the same way.
 
-    Training timesteps are drawn with the variant's fitted motion, held-out ones with the tracked parameters that it carries unchanged;
-    a compressed variant is drawn with what its file gives back, for both.
+    Each moves by its own motion (see `evaluation_motion`); a compressed variant is drawn with what its file gives back.
 
     Args:
         capture: what the variants were trained on; judged at its stored resolution.
@@ -139,15 +137,14 @@ class Judge:
 
         Args:
             name: what progress and files call it.
-            avatar: Gaussians and a motion whose frame t is timestep t of the capture.
+            avatar: Gaussians, and a motion whose frame t is timestep t of the capture.
             folder: where the `.sacha` files go.
 
         Raises:
             SachaError: the avatar is not of this capture or head.
             OSError: a file cannot be written.
         """
-        gaussians, motion = avatar.gaussians, avatar.motion
-        assert motion is not None  # trained variants carry the motion they were fitted with
+        gaussians, motion = avatar.gaussians, evaluation_motion(self._capture, avatar.motion)
         first = self._capture.train[0].camera
         visible = visible_gaussians(
             gaussians, self._head, motion, self._capture.train, first.width, first.height, self._rasteriser
@@ -167,24 +164,17 @@ class Judge:
             aside.write_bytes(encode(avatar, level, head=self._head))
         sizes = inspect(file)
         view, expression = self._quality(f"{name}, level {level}", decode(file, head=self._head))
-        assert avatar.motion is not None
-        per_frame = sizes.dynamic_bytes_per_frame
-        return LevelResult(file, sizes.total_bytes - sizes.head_bytes, per_frame, view, expression)
+        n_bytes = sizes.total_bytes - sizes.head_bytes
+        return LevelResult(file, n_bytes, sizes.dynamic_bytes_per_frame, view, expression)
 
     def _quality(self, stage: str, avatar: Avatar) -> tuple[Quality, Quality]:
         """Measure the held-out camera, then the held-out timesteps."""
-        found = []
-        assert avatar.motion is not None
-        for views in (novel_view_views(self._capture, FRAMES), novel_expression_views(self._capture, FRAMES)):
-            scores = score_views(
-                avatar.gaussians,
-                self._head,
-                avatar.motion,
-                self._capture,
-                views,
-                report=self._report,
-                stage=f"judge {stage}",
-                rasteriser=self._rasteriser,
-            )
-            found.append(Quality(scores.psnr, scores.ssim))
-        return found[0], found[1]
+
+        def report(progress: Progress) -> None:
+            self._report(replace(progress, stage=f"judge {stage}, {progress.stage}"))
+
+        found = evaluate_avatar(
+            avatar.gaussians, self._head, self._capture, avatar.motion, report=report, rasteriser=self._rasteriser
+        )
+        view, expression = found.novel_view, found.novel_expression
+        return Quality(view.psnr, view.ssim), Quality(expression.psnr, expression.ssim)

@@ -180,6 +180,7 @@ def evaluate_avatar(
     height: int | None = None,
     limit: int = FRAMES,
     report: Report = silent,
+    rasteriser: Rasteriser | None = None,
 ) -> Evaluation:
     """Judge an avatar on the held-out camera and the held-out timesteps of its capture.
 
@@ -192,6 +193,7 @@ def evaluate_avatar(
         height: pixels; the stored height by default.
         limit: at most so many images for each of the two.
         report: told after each image.
+        rasteriser: one to use again; a new one by default.
 
     Raises:
         DatasetError: a split is empty, an image cannot be decoded, or the motion is another capture's.
@@ -199,7 +201,7 @@ def evaluate_avatar(
     Source: SACHA, experiments.
     """
     motion = evaluation_motion(capture, fitted)
-    rasteriser = Rasteriser()
+    rasteriser = rasteriser or Rasteriser()
     chosen = {
         "novel view": novel_view_views(capture, limit),
         "novel expression": novel_expression_views(capture, limit),

@@ -57,7 +57,7 @@ def test_bytes_are_those_on_disk_and_grow_with_the_level(finished):
 
 @pytest.mark.slow
 def test_figures_are_what_evaluate_finds_on_the_files(finished, done):
-    """The command `evaluate` reads the model back from disk: an independent way to the same figures."""
+    """The command `evaluate` reads back from disk what the demo judged in memory."""
     out, _, report = finished
     ours = report["variants"]["sacha"]
     for avatar, judged in ((out / "sacha", ours), (out / "sacha-1.sacha", ours["levels"]["1"])):
