@@ -1,0 +1,1 @@
+"""Training on a CUDA device: the engine whose rasteriser is gsplat."""

@@ -1,0 +1,54 @@
+"""Where the arithmetic of training happens: what the CPU's engine and the GPU's both offer to the loop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float
+
+from sacha_core.train.state import TrainState
+from sacha_core.train.views import Target
+
+__all__ = ["Engine"]
+
+
+class Engine(Protocol):
+    """Holds the state of a run where it computes, and takes it through iterations.
+
+    The loop decides when, an engine how. Between `put` and `take` the state on the host may be out of date, so that nothing has to wait for a
+    device but at the rare events of density control, checkpoints and reports.
+    """
+
+    def put(self, state: TrainState) -> None:
+        """Go on from a state: at the start, and after every change that the loop made to one it took."""
+
+    def take(self) -> TrainState:
+        """Give the state as it is now, on the host; `put` it back after changing it."""
+
+    def differentiate(self, targets: Sequence[Target], degree: int) -> None:
+        """Draw some views of one timestep, compare, and keep the gradients of the mean loss; adds to the statistics of growth.
+
+        Args:
+            targets: of one timestep; more than one where a step learns from several cameras at once.
+            degree: of the spherical harmonics in use.
+        """
+
+    def advance(self, rates: Mapping[str, float], void: frozenset[str]) -> None:
+        """Let Adam step with the gradients kept; not at all if one of them is not finite, which is counted with its first cause.
+
+        Args:
+            rates: learning rate of each attribute and motion parameter.
+            void: attributes whose rows have changed since, and wait for the next iteration.
+        """
+
+    def losses(self) -> dict[str, float]:
+        """Give the losses of the last `differentiate`: `total` and its parts. May wait for a device."""
+
+    def weights(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:
+        """Give each Gaussian's blending weight summed over the pixels of some views of one timestep: plain, and by reference sensitivity."""
+
+    @property
+    def triangle_scale(self) -> Float[np.ndarray, " f"]:
+        """Metres a local unit, of each triangle, in the pose of the last `differentiate`."""
