@@ -17,8 +17,8 @@ __all__ = ["Engine"]
 class Engine(Protocol):
     """Holds the state of a run where it computes, and takes it through iterations.
 
-    The loop decides when, an engine how. Between `put` and `take` the state on the host may be out of date, so that nothing has to wait for a
-    device but at the rare events of density control, checkpoints and reports.
+    The loop decides when, an engine how. Between `put` and `take` the state on the host may be out of date, so that nothing has to
+    wait for a device but at the rare events of density control, checkpoints and reports.
     """
 
     def put(self, state: TrainState) -> None:
@@ -47,7 +47,7 @@ class Engine(Protocol):
         """Give the losses of the last `differentiate`: `total` and its parts. May wait for a device."""
 
     def weights(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:
-        """Give each Gaussian's blending weight summed over the pixels of some views of one timestep: plain, and by reference sensitivity."""
+        """Give each Gaussian's blending weight summed over pixels of views of one timestep: plain, and by reference sensitivity."""
 
     @property
     def triangle_scale(self) -> Float[np.ndarray, " f"]:
