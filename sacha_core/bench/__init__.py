@@ -1,1 +1,1 @@
-"""Measurements that anyone can repeat: run time against error, growth of cost, and numerical stability."""
+"""Benchmarks: what each part of SACHA costs, and how far from the exact answer that leaves it."""

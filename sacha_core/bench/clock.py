@@ -1,0 +1,107 @@
+"""Timing several candidates against each other: turn by turn in one process, so that what slows the machine slows them all."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from jaxtyping import Float
+
+__all__ = ["LEAST_ROUNDS", "Clock", "Times", "interleave"]
+
+K = TypeVar("K")
+LEAST_ROUNDS = 3  # of which a median and quartiles can be taken at all
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Two clocks: what a caller waits for, and what the work costs, which other processes on the same cores change less.
+
+    Args:
+        wall: seconds from any origin.
+        busy: seconds of processor time of this process, all its threads together.
+    """
+
+    wall: Callable[[], float] = time.perf_counter
+    busy: Callable[[], float] = time.process_time
+
+
+@dataclass(frozen=True)
+class Times:
+    """Times of one candidate, one of each round.
+
+    Args:
+        wall_s: (r,) seconds that a caller waits.
+        busy_s: (r,) seconds of processor time.
+    """
+
+    wall_s: Float[np.ndarray, " r"]
+    busy_s: Float[np.ndarray, " r"]
+
+    @property
+    def median_ms(self) -> float:
+        """Median of wall time, milliseconds."""
+        return 1e3 * float(np.median(self.wall_s))
+
+    def row(self, name: str) -> dict[str, float]:
+        """Give the figures under the names of a row.
+
+        Args:
+            name: of what was timed, such as `forward`.
+
+        Returns:
+            Milliseconds: of wall time `NAME_ms` (median), `NAME_min_ms`, `NAME_q1_ms` and `NAME_q3_ms` (quartiles); of processor time
+            `NAME_busy_ms` (median).
+        """
+        low, middle, high = (1e3 * float(q) for q in np.quantile(self.wall_s, (0.25, 0.5, 0.75)))
+        return {
+            f"{name}_ms": middle,
+            f"{name}_min_ms": 1e3 * float(self.wall_s.min()),
+            f"{name}_q1_ms": low,
+            f"{name}_q3_ms": high,
+            f"{name}_busy_ms": 1e3 * float(np.median(self.busy_s)),
+        }
+
+    def __sub__(self, part: Times) -> Times:
+        """Give what the rest took, round by round, where each of these rounds includes one of `part`; not below zero."""
+        return Times(np.maximum(self.wall_s - part.wall_s, 0), np.maximum(self.busy_s - part.busy_s, 0))
+
+
+def interleave(
+    candidates: Mapping[K, Callable[[], object]],
+    rounds: int = 9,
+    budget_s: float = float("inf"),
+    warm_up: int = 1,
+    clock: Clock | None = None,
+) -> dict[K, Times]:
+    """Time every candidate once a round, beginning each round with another one.
+
+    Args:
+        candidates: what to call, without arguments.
+        rounds: how many rounds, at least three.
+        budget_s: no further round begins after so many seconds, but three are always run.
+        warm_up: calls of each candidate before the first round, not timed: compiling, and memory touched for the first time.
+        clock: what tells the time.
+
+    Returns:
+        The times of each candidate, under its name.
+    """
+    clock = clock or Clock()
+    names = list(candidates)
+    for name in names:
+        for _ in range(warm_up):
+            candidates[name]()
+    times: dict[K, list[tuple[float, float]]] = {name: [] for name in names}
+    begun = clock.wall()
+    for k in range(max(rounds, LEAST_ROUNDS)):
+        if k >= LEAST_ROUNDS and clock.wall() - begun >= budget_s:
+            break
+        first = k % max(len(names), 1)
+        for name in names[first:] + names[:first]:
+            wall, busy = clock.wall(), clock.busy()
+            candidates[name]()
+            times[name].append((clock.wall() - wall, clock.busy() - busy))
+    return {name: Times(*np.array(pairs).T) for name, pairs in times.items()}

@@ -1,0 +1,96 @@
+"""Whether two runs of the benches agree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from sacha_core.bench.result import Bench, Column, Row, Table
+from sacha_core.bench.store import Record
+
+__all__ = ["compare_runs", "comparison"]
+
+SUFFIXES = ("_min_ms", "_q1_ms", "_q3_ms", "_busy_ms")
+
+
+def compare_runs(first: Mapping[str, Record], second: Mapping[str, Record]) -> list[Row]:
+    """Set the rows that two runs have in common side by side.
+
+    Times with quartiles agree where the ranges between the quartiles of both runs meet. All else in rows that have such times apart from
+    them - errors, bytes, PSNR - does not depend on how fast the machine is, and agrees where it is the same number.
+
+    Args:
+        first: benches by name.
+        second: likewise.
+
+    Returns:
+        A row for every time of every common row, with the ratio of medians second over first; and one for every other figure that differs.
+    """
+    rows: list[Row] = []
+    for name in first:
+        if name not in second:
+            continue
+        for table in first[name].bench.tables:
+            theirs = {_identity(table, row): row for row in second[name].bench.of(table)}
+            for row in first[name].bench.of(table):
+                other = theirs.get(_identity(table, row))
+                if other is not None:
+                    rows += _compared({"bench": name, "part": table.name, "row": _named(table, row)}, table, row, other)
+    return rows
+
+
+def comparison(rows: list[Row]) -> Bench:
+    """Give what `compare_runs` found as tables: the times, those that disagree marked, and a summary."""
+    times, others = ([row for row in rows if (row["table"] == name)] for name in ("times", "figures"))
+    columns = (
+        Column("bench", "bench"), Column("part", "table"), Column("row", "row"), Column("figure", "figure"),
+        Column("first", "first"), Column("second", "second"),
+    )  # fmt: skip
+    identity = ("bench", "part", "row", "figure")
+    tables = (
+        Table("times", "Medians of both runs, milliseconds.",
+              (*columns, Column("ratio", "second / first", 2), Column("agree", "quartiles meet")), identity),
+        Table("figures", "Figures that do not depend on speed, yet differ.", columns, identity),
+    )  # fmt: skip
+    notes = [f"{len(times)} times compared, {len(others)} other figures differ."]
+    if times:
+        ratios = np.array([row["ratio"] for row in times])
+        apart = sum(not row["agree"] for row in times)
+        low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
+        notes.append(
+            f"Second over first: median {middle:.2f}, nine tenths between {low:.2f} and {high:.2f}; "
+            f"the quartiles of {apart} ({apart / len(times):.0%}) do not meet."
+        )
+    return Bench(rows, tables, (), tuple(notes))
+
+
+def _identity(table: Table, row: Row) -> tuple[Any, ...]:
+    return tuple(row.get(key) for key in table.identity)
+
+
+def _named(table: Table, row: Row) -> str:
+    return ", ".join(f"{key} {row[key]}" for key in table.identity if row.get(key) is not None)
+
+
+def _compared(about: Row, table: Table, row: Row, other: Row) -> list[Row]:
+    """Give one row for each time, and one for each other figure that differs."""
+    found: list[Row] = []
+    for key, value in row.items():
+        pair = {**about, "figure": key, "first": value, "second": other.get(key)}
+        stem = key.removesuffix("_ms")
+        if f"{stem}_q1_ms" in row and f"{stem}_q3_ms" in row and f"{stem}_q1_ms" in other:
+            meet = row[f"{stem}_q1_ms"] <= other[f"{stem}_q3_ms"] and other[f"{stem}_q1_ms"] <= row[f"{stem}_q3_ms"]
+            ratio = other[key] / value if value else float("nan")
+            found.append({"table": "times", **pair, "ratio": ratio, "agree": meet})
+        elif _is_timing(key) or key in table.identity or value == other.get(key):
+            continue
+        else:
+            found.append({"table": "figures", **pair})
+    return found
+
+
+def _is_timing(key: str) -> bool:
+    """Tell whether a figure follows from times, so that it differs from run to run."""
+    return key.endswith(("_ms", "_s", "_per_s", "_ratio", "exponent", "standard_error"))

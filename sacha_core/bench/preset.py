@@ -1,0 +1,54 @@
+"""How much a bench measures, and on what."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeVar
+
+from sacha_core.avatar.avatar import Avatar
+from sacha_core.flame.model import HeadModel
+from sacha_core.interchange.capture import Capture
+
+__all__ = ["Extent", "Preset", "Subject"]
+
+T = TypeVar("T")
+Extent = Literal["tiny", "quick", "full"]
+
+
+@dataclass(frozen=True)
+class Subject:
+    """An avatar that the user named.
+
+    Args:
+        avatar: Gaussians and motion.
+        head: what they are bound to.
+        path: where from.
+    """
+
+    avatar: Avatar
+    head: HeadModel
+    path: Path
+
+
+@dataclass(frozen=True)
+class Preset:
+    """One run of a bench.
+
+    Args:
+        extent: `tiny` for tests, `quick` for `make bench`, `full` by hand.
+        threads: how many threads at most; None for one on each processor.
+        subject: an avatar to measure on instead of the made one, where a bench takes one (codec, playback).
+        capture: a capture to train on instead of the made one (train).
+        seed: of everything random.
+    """
+
+    extent: Extent = "quick"
+    threads: int | None = None
+    subject: Subject | None = None
+    capture: Capture | None = None
+    seed: int = 0
+
+    def of(self, tiny: T, quick: T, full: T) -> T:
+        """Give what belongs to this extent."""
+        return {"tiny": tiny, "quick": quick, "full": full}[self.extent]

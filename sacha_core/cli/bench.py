@@ -1,0 +1,238 @@
+"""`sacha bench`: what each part costs, and how far from exact it is."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from sacha_core.cli.common import Common, FileOption, HeadSource
+from sacha_core.cli.console import Console, table
+from sacha_core.errors import OptionError
+
+if TYPE_CHECKING:
+    from sacha_core.bench.preset import Preset
+    from sacha_core.bench.store import Record
+
+__all__ = ["Options", "run"]
+
+FOLDER = Path("out/bench")
+PAGE = Path("docs/performance.md")
+
+
+@dataclass(frozen=True)
+class Options:
+    """Measure time and error of one part, or of all, on this machine.
+
+    sacha bench raster --plot raster.png
+
+    sacha bench all --quick --out out/bench      every bench into a folder: JSON, tables, pictures, index.md
+
+    sacha bench compare out/bench out/again      do two runs agree?
+
+    sacha bench page out/bench                   put the results into the performance page
+
+    Benches: raster, posing, playback, codec, train, stability, skips, cuda. Candidates are timed turn by turn in one process after a
+    warm-up; times are medians.
+    """
+
+    what: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="WHAT")]
+    """A bench, or `all`, `compare`, `page`."""
+
+    paths: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="[FOLDER ...]")] = ()
+    """compare: the two folders or JSON files; page: the folder."""
+
+    quick: bool = False
+    """Measure less: a minute or so a bench instead of several."""
+
+    threads: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="(default: one a processor)")] = None
+    """How many threads at most."""
+
+    plot: FileOption = None
+    """Also draw the picture (PNG) here; not with `all`."""
+
+    out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="PATH", help_behavior_hint="")] = None
+    """all: the folder (out/bench by default); page: the page (docs/performance.md by default)."""
+
+    avatar: FileOption = None
+    """codec, playback: measure on this .sacha file or model folder instead of a made avatar."""
+
+    dataset: Annotated[Path | None, tyro.conf.arg(metavar="DATASET", help_behavior_hint="")] = None
+    """train: measure on this capture instead of one filmed for it."""
+
+    head: HeadSource = field(default_factory=HeadSource)
+    common: Common = field(default_factory=Common)
+
+
+def run(options: Options, console: Console) -> dict[str, Any]:
+    """Measure, compare, or write the page.
+
+    Raises:
+        SachaError: there is no such bench, an option does not belong to it, or a file is not a bench's.
+        OSError: a file cannot be read or written.
+    """
+    from sacha_core.bench.registry import BENCHES
+
+    known = (*BENCHES, "all", "compare", "page")
+    if options.what not in known:
+        raise OptionError(f"there is no bench {options.what!r}; expected one of {', '.join(known)}")
+    check(options)
+    if options.what == "compare":
+        return compare(options, console)
+    if options.what == "page":
+        return write_page(options, console)
+    if options.what == "all":
+        return run_all(options, console)
+    record = run_one(options.what, preset(options), console)
+    if options.plot is not None and not record.bench.panels:
+        raise OptionError(f"bench {options.what} has no picture; leave out --plot")
+    tell(record, console)
+    if options.plot is not None:
+        from sacha_core.bench.store import write_picture
+
+        write_picture(record, options.plot)
+        console.wrote("picture", options.plot)
+    return record.to_json()
+
+
+def check(options: Options) -> None:
+    """Refuse options that the chosen work would ignore, and wrong numbers, before anything is measured.
+
+    Raises:
+        OptionError: naming the option.
+    """
+    from sacha_core.bench.registry import BENCHES
+
+    measuring = (*BENCHES, "all")
+    takers = {
+        "paths": ("compare", "page"), "quick": measuring, "threads": measuring, "plot": tuple(BENCHES), "out": ("all", "page"),
+        "avatar": ("codec", "playback", "all"), "dataset": ("train", "all"),
+    }  # fmt: skip
+    for name, who in takers.items():
+        given = getattr(options, name)
+        if given not in {None, False, ()} and options.what not in who:
+            shown = str(given[0]) if name == "paths" else f"--{name}"
+            raise OptionError(f"bench {options.what} has no use for {shown}")
+    if options.threads is not None and options.threads < 1:
+        raise OptionError(f"--threads is {options.threads}, expected 1 or more")
+    wanted = {"compare": 2, "page": 1}.get(options.what, 0)
+    if len(options.paths) != wanted:
+        raise OptionError(f"bench {options.what} takes {wanted} folders, not {len(options.paths)}")
+
+
+def preset(options: Options) -> Preset:
+    """Give how much is measured, on what.
+
+    Raises:
+        SachaError: the avatar or the capture is broken.
+        OSError: a file cannot be read.
+    """
+    from sacha_core.bench.preset import Preset, Subject
+    from sacha_core.cli.sources import open_avatar
+    from sacha_core.interchange.capture import read_capture
+
+    subject = None
+    if options.avatar is not None:
+        opened = open_avatar(options.avatar, options.head)
+        subject = Subject(opened.avatar, opened.head, options.avatar)
+    capture = None if options.dataset is None else read_capture(options.dataset)
+    return Preset("quick" if options.quick else "full", options.threads, subject, capture)
+
+
+def run_one(name: str, chosen: Preset, console: Console) -> Record:
+    """Measure one bench.
+
+    Raises:
+        SachaError: it cannot run here.
+    """
+    from sacha_core.bench.machine import describe
+    from sacha_core.bench.registry import load
+    from sacha_core.bench.store import Record
+
+    bench, machine = load(name), describe()
+    begun = time.perf_counter()
+    found = bench.measure(chosen, console.report)
+    return Record(name, bench.TITLE, chosen.extent, round(time.perf_counter() - begun, 1), machine, found)
+
+
+def tell(record: Record, console: Console) -> None:
+    """Say what a bench found: the machine, the tables, the notes."""
+    from sacha_core.bench.machine import sentence
+    from sacha_core.bench.table import cells
+
+    console.say(f"{record.title}\n{sentence(record.machine)}\n")
+    for one in record.bench.tables:
+        rows = record.bench.of(one)
+        if rows:
+            console.say(f"{one.caption}\n")
+            console.say(table(*cells(one, rows)) + "\n")
+    for note in record.bench.notes:
+        console.say(f"- {note}")
+
+
+def run_all(options: Options, console: Console) -> dict[str, Any]:
+    """Run every bench into a folder; one that cannot run here is named, and the others go on.
+
+    Raises:
+        SachaError: the avatar or the capture is broken, or no bench could run.
+        OSError: a file cannot be read or written.
+    """
+    from sacha_core.bench.registry import BENCHES
+    from sacha_core.bench.store import write_bench, write_index
+
+    folder, chosen = options.out or FOLDER, preset(options)
+    records, left_out = {}, {}
+    for name in BENCHES:
+        try:
+            record = run_one(name, chosen, console)
+        except OptionError as error:  # no device, say: nothing that measuring the others would suffer from
+            left_out[name] = str(error)
+            console.say(f"{name:10} not run: {error}")
+            continue
+        records[name] = record
+        write_bench(record, folder)
+        console.say(f"{name:10} {record.seconds:6.1f} s  {folder / name}.md")
+    if not records:
+        raise OptionError("; ".join(left_out.values()))
+    write_index(records, folder)
+    console.wrote("page", folder / "index.md")
+    return {"folder": folder, "seconds_of": {name: r.seconds for name, r in records.items()}, "left_out": left_out}
+
+
+def compare(options: Options, console: Console) -> dict[str, Any]:
+    """Set two runs side by side.
+
+    Raises:
+        FormatError: one is not a bench's.
+        OSError: a file cannot be read.
+    """
+    from sacha_core.bench.compare import compare_runs, comparison
+    from sacha_core.bench.store import read_runs
+
+    found = comparison(compare_runs(*(read_runs(path) for path in options.paths)))
+    for one in found.tables:
+        console.say(f"{one.caption}\n")
+        from sacha_core.bench.table import cells
+
+        console.say(table(*cells(one, found.of(one))) + "\n")
+    for note in found.notes:
+        console.say(f"- {note}")
+    return {"rows": found.rows, "notes": found.notes}
+
+
+def write_page(options: Options, console: Console) -> dict[str, Any]:
+    """Put the results of a folder into the performance page, and the pictures beside it.
+
+    Raises:
+        FormatError: the folder has no results, or the page no place for them.
+        OSError: a file cannot be read or written.
+    """
+    from sacha_core.bench.page import update_page
+
+    target = options.out or PAGE
+    pictures = update_page(target, options.paths[0])
+    console.wrote("page", target, f"{len(pictures)} pictures in {target.parent / 'bench'}")
+    return {"page": target, "pictures": pictures}
