@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from sacha_core.errors import GeometryError
 
-__all__ = ["TriangleFrames", "degenerate_limit", "triangle_frames"]
+__all__ = ["TriangleFrames", "degenerate_limit", "refuse_triangle", "triangle_frames"]
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,8 @@ def triangle_frames(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "
         f frames in the dtype of `vertices`; `rotation` is proper (det = +1) to rounding.
 
     Raises:
-        GeometryError: a face has zero area or a vertex that is not finite; the message names the first such face.
+        GeometryError: a face has zero area, or one too small to be told from it, or a vertex that is not finite; the message names the
+            first such face.
 
     Source: Qian et al., GaussianAvatars, CVPR 2024, section 3.2.
     """
@@ -58,8 +59,10 @@ def triangle_frames(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "
         edge_squared, normal_squared = _dot(edge, edge), _dot(normal, normal)
         limit = degenerate_limit(vertices.dtype) ** 2 * edge_squared * _dot(second, second)
         sound = (normal_squared > limit) & (normal_squared < np.inf)
+        smallest = np.finfo(vertices.dtype).tiny  # a smaller square has lost digits to underflow
+        sound &= (normal_squared >= smallest) & (edge_squared >= smallest)
     if not sound.all():
-        _refuse(vertices, faces, int(np.argmin(sound)))
+        refuse_triangle(vertices, faces, int(np.argmin(sound)))
     edge_length, normal_length = np.sqrt(edge_squared), np.sqrt(normal_squared)
     edge /= edge_length
     normal /= normal_length
@@ -82,7 +85,12 @@ def _dot(a: Float[np.ndarray, "3 f"], b: Float[np.ndarray, "3 f"]) -> Float[np.n
     return product
 
 
-def _refuse(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], face: int) -> None:
+def refuse_triangle(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], face: int) -> None:
+    """Raise the error that a degenerate triangle is.
+
+    Raises:
+        GeometryError: always; the message names the triangle, what is wrong with it, and where its vertices lie.
+    """
     corners = vertices[faces[face]]
     fault = "has zero area" if np.isfinite(corners).all() else "has a vertex that is not finite"
     where = ", ".join(

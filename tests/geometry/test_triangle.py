@@ -114,5 +114,26 @@ def test_small_triangles_in_float32_are_not_degenerate() -> None:
     assert abs(triangle_frames(vertices, np.array([[0, 1, 2]])).scale[0] - 4e-4) < 1e-6
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_vanishing_triangle_keeps_its_shape_until_it_is_refused(dtype: type) -> None:
+    """Shrunk by powers of two, which round nothing, a triangle keeps its rotation to the bit; then squares would underflow."""
+    vertices = np.array([[0, 0, 0], [3, 1, 2], [1, 4, -2]], dtype) / 4
+    expected = triangle_frames(vertices, np.array([[0, 1, 2]]))
+    smallest = float(np.finfo(dtype).tiny) ** 0.25  # of an edge whose square times another's is still a normal number
+    refused = 0
+    for halvings in range(0, 1200, 3):
+        size = dtype(2.0) ** dtype(-halvings)
+        try:
+            frames = triangle_frames(vertices * size, np.array([[0, 1, 2]]))
+        except GeometryError:
+            refused += 1
+            assert size < smallest
+            continue
+        assert not refused
+        np.testing.assert_array_equal(frames.rotation, expected.rotation)
+        np.testing.assert_array_equal(frames.scale, expected.scale * size)
+    assert refused
+
+
 def test_no_faces() -> None:
     assert triangle_frames(np.zeros((3, 3)), np.zeros((0, 3), np.int32)).rotation.shape == (0, 3, 3)
