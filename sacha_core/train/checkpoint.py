@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -12,17 +12,19 @@ import numpy as np
 from sacha_core.density.events import Event, dump_events, parse_events
 from sacha_core.errors import FormatError, OptionError
 from sacha_core.npz import read_npz, write_npz
+from sacha_core.train.faults import Fault, Faults
 from sacha_core.train.options import TrainOptions, from_record
 from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, TrainState
 
 __all__ = ["Checkpoint", "differing", "read_checkpoint", "require_fit", "write_checkpoint"]
 
-VERSION = 1
+VERSION = 2
 VALUES = (*ATTRIBUTES, *FITTED_MOTION)
 MOMENTS = ("values", "first", "second")
 PLAIN = ("binding", "gradient_sum", "gradient_count", "thresholds", "ratios")
 
-ELSEWHERE = ("threads", "checkpoint_every", "image_cache_bytes")  # change nothing in the result
+# change nothing in the result; but for the device, of which the loop takes care
+ELSEWHERE = ("threads", "checkpoint_every", "image_cache_bytes", "device")
 AFTER_WARM_UP = (
     "variant", "pruning", "importance", "density.by_region", "density.means", "density.guard_faint", "schedule.calibrations",
 )  # fmt: skip
@@ -56,6 +58,7 @@ def write_checkpoint(path: str | os.PathLike[str], checkpoint: Checkpoint) -> No
         "version": VERSION,
         "iteration": state.iteration,
         "steps": state.steps,
+        "faults": asdict(state.faults),
         "options": checkpoint.options.record(),
         "data": checkpoint.data,
     }
@@ -79,19 +82,32 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
     try:
         header = json.loads(str(arrays["header"]))
         version, iteration = int(header["version"]), int(header["iteration"])
+        if version == 1:  # which knew the CPU only, and no faults
+            header = {
+                **header,
+                "faults": asdict(Faults()),
+                "options": {**header["options"], "device": "cpu", "cameras_per_step": 1},
+            }
         steps = {group: int(header["steps"][group]) for group in ("gaussians", "motion")}
         options, data = from_record(header["options"]), dict(header["data"])
-        events = parse_events(str(arrays["events"]))
+        events, faults = parse_events(str(arrays["events"])), parse_faults(header["faults"])
     except (ValueError, KeyError, TypeError, RecursionError, OptionError, FormatError) as error:
         raise FormatError(f"{path}: not a checkpoint that this version can read: {error}") from error
-    if version != VERSION:
-        raise FormatError(f"{path}: checkpoint version {version}, expected {VERSION}")
+    if not 1 <= version <= VERSION:
+        raise FormatError(f"{path}: checkpoint version {version}, expected 1 to {VERSION}")
     values, first, second = ({name: arrays[f"{kind}.{name}"] for name in VALUES} for kind in MOMENTS)
     binding, gradient_sum, gradient_count, thresholds, ratios = (arrays[name] for name in PLAIN)
     statistics = (gradient_sum, gradient_count, thresholds, ratios)
-    state = TrainState(iteration, values, first, second, steps, binding, *statistics)
+    state = TrainState(iteration, values, first, second, steps, binding, *statistics, faults)
     _check(path, state)
     return Checkpoint(state, options, events, data)
+
+
+def parse_faults(record: dict[str, Any]) -> Faults:
+    """Give the faults that a header tells of; raises as a wrong record does."""
+    first = record["first"]
+    fault = None if first is None else Fault(int(first["iteration"]), str(first["parameter"]), int(first["row"]))
+    return Faults(int(record["count"]), fault)
 
 
 def _check(path: str | os.PathLike[str], state: TrainState) -> None:

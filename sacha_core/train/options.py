@@ -174,6 +174,9 @@ class TrainOptions:
         fine_tune: whether pose, translation and expression of training timesteps are fitted, too.
         sensitivity_pad: what the reference sensitivity map takes to lie beyond the border (see `sensitivity_map`).
         scheme: name of the region scheme.
+        device: where to compute; `auto` takes CUDA where torch sees a GPU and gsplat is installed, and the CPU elsewhere. A run that is
+            resumed stays where it was, unless told otherwise.
+        cameras_per_step: how many views of one timestep a step learns from at once, at most.
         threads: how many work; None for as many as there are cores. The result does not depend on it.
         checkpoint_every: iterations between checkpoints; there is always one at the end of warm-up and one at the end.
         image_cache_bytes: of decoded images that are kept.
@@ -193,6 +196,8 @@ class TrainOptions:
     fine_tune: bool = True
     sensitivity_pad: Literal["replicate", "zero"] = "replicate"
     scheme: str = "paper"
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    cameras_per_step: int = 1
     threads: int | None = None
     checkpoint_every: int = 5000
     image_cache_bytes: int = 4 << 30
@@ -212,7 +217,9 @@ class TrainOptions:
         _require(0 <= self.sh_degree <= 3, "sh_degree", self.sh_degree, "0 to 3")
         _require(self.seed >= 0, "seed", self.seed, "at least 0")
         _require(self.threads is None or self.threads >= 1, "threads", self.threads, "at least 1")
-        _require(self.checkpoint_every >= 1, "checkpoint_every", self.checkpoint_every, "at least 1")
+        for name in ("checkpoint_every", "cameras_per_step"):
+            _require(getattr(self, name) >= 1, name, getattr(self, name), "at least 1")
+        _require(self.device in {"auto", "cpu", "cuda"}, "device", self.device, "auto, cpu or cuda")
         for name in ("width", "height"):
             size = getattr(self, name)
             _require(size is None or size >= 16, name, size, "at least 16 pixels")

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
+from sacha_core.train.faults import Faults
 
-__all__ = ["ATTRIBUTES", "FITTED_MOTION", "TrainState", "initial_state", "rearrange"]
+__all__ = ["ATTRIBUTES", "FITTED_MOTION", "Arrays", "TrainState", "initial_state", "rearrange"]
 
 ATTRIBUTES = (
     "position", "log_scale", "quaternion", "opacity_logit", "sensitivity_logit", "sh_dc", "sh_rest",
@@ -35,6 +36,7 @@ class TrainState:
         gradient_count: (n,) iterations since then in which the Gaussian was in view.
         thresholds: (r,) of growth, by region.
         ratios: (r,) of pruning, by region.
+        faults: steps that were not taken.
     """
 
     iteration: int
@@ -47,6 +49,7 @@ class TrainState:
     gradient_count: Int[np.ndarray, " n"]
     thresholds: Float[np.ndarray, " r"]
     ratios: Float[np.ndarray, " r"]
+    faults: Faults = field(default_factory=Faults)
 
     def __len__(self) -> int:
         """Give the number of Gaussians."""
