@@ -55,6 +55,7 @@ class PosedHead:
 
     Attributes:
         poser: what does not change from pose to pose: template, joints, directions, weights.
+        faces: (f, 3) int32, vertex indices of the triangles.
 
     Raises:
         HeadError: the motion has components or vertex offsets that the head lacks.
@@ -67,8 +68,9 @@ class PosedHead:
     ) -> None:
         self.poser = Poser(head, motion, dtype)
         self._pool = pool or Pool(1)
-        self._faces = np.ascontiguousarray(head.faces, np.int32)
-        self._limit = np.dtype(dtype).type(degenerate_limit(np.dtype(dtype)) ** 2)
+        self.faces = np.ascontiguousarray(head.faces, np.int32)
+        limits = degenerate_limit(np.dtype(dtype)) ** 2, float(np.finfo(dtype).tiny)
+        self._limits = [np.dtype(dtype).type(limit) for limit in limits]
         v, f, j = head.n_vertices, head.n_faces, len(head.parents)
         self._pose = Pose(
             vertices=np.empty((v, 3), dtype),
@@ -135,14 +137,14 @@ class PosedHead:
 
         def job(_: int, k: int) -> None:
             faults[k] = frame_kernels.triangle_frames(
-                bounds[k], bounds[k + 1], pose.vertices, self._faces, self._limit,
+                bounds[k], bounds[k + 1], pose.vertices, self.faces, *self._limits,
                 frames.rotation, frames.scale, frames.origin, pose.quaternions,
             )  # fmt: skip
 
         self._pool.run(job, len(faults))
         for fault in faults:
             if fault >= 0:
-                refuse_triangle(pose.vertices, self._faces, fault)
+                refuse_triangle(pose.vertices, self.faces, fault)
 
 
 def block_bounds(total: int, block: int, jobs: int) -> list[int]:

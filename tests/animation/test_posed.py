@@ -149,6 +149,33 @@ def test_degenerate_triangles_are_refused_as_numpy_does(threads: int) -> None:
     assert str(error.value).startswith("triangle 130 has zero area: vertices ")
 
 
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("squared", ["edge", "area"])
+def test_triangles_are_refused_where_numpy_refuses_them(dtype: type, squared: str) -> None:
+    """Triangles from far too small to large enough: those whose squares underflow are refused, and the first of the others is not."""
+    smallest = float(np.finfo(dtype).tiny)
+    base = smallest ** (1 / 2 if squared == "edge" else 1 / 4)  # of a right angle's first leg
+    other = 1.0 if squared == "edge" else base
+    for factor in (0.5, 0.9, 1.1, 2.0):
+        corners = np.array([[0, 0, 0], [factor * base, 0, 0], [0, other, 0]])
+        rest = np.zeros((1, 3))
+        head = replace(random_head(1, correctives=False, v=4, f=1), faces=np.array([[0, 1, 2]], np.int32))
+        posed = PosedHead(head, random_motion(), dtype=dtype)
+        posed.poser.template[:] = np.concatenate([corners, rest])
+        still = np.zeros(0), np.zeros((5, 3)), np.zeros(3)
+        if factor < 1:
+            with pytest.raises(GeometryError) as expected:
+                triangle_frames(posed.poser.template, head.faces)
+            with pytest.raises(GeometryError) as error:
+                posed.pose(*still)
+            assert str(error.value) == str(expected.value)
+        else:
+            pose = posed.pose(*still)
+            np.testing.assert_allclose(
+                pose.frames.scale, triangle_frames(posed.poser.template, head.faces).scale, rtol=1e-5
+            )
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e30])
 def test_vertices_that_are_not_finite_are_refused(value: float) -> None:
     head, motion = random_head(), random_motion()

@@ -14,7 +14,7 @@ from numba import njit
 FAST = {"contract", "nsz", "arcp", "reassoc"}
 BLOCK = 64  # triangles
 # Where a block's planes lie: corners first, whose places the results then take
-ORIGIN, QUATERNION, ROTATION, AREA, LIMIT, SCALE, PLANES = (BLOCK * plane for plane in (0, 3, 9, 18, 19, 20, 21))
+ORIGIN, QUATERNION, ROTATION, SCALE, SOUND, PLANES = (BLOCK * plane for plane in (0, 3, 9, 18, 19, 20))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -28,8 +28,9 @@ def gather(vertices, faces, first, count, planes):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def solve(planes, limit):
-    """Turn the corners of a block into frames; AREA and LIMIT are twice the area and the least that is accepted, both squared."""
+def solve(planes, limit, smallest):
+    """Turn the corners of a block into frames; SOUND is 1 where a triangle has one, else 0."""
+    infinite, zero = planes.dtype.type(np.inf), planes.dtype.type(0)
     half, third, one = planes.dtype.type(0.5), planes.dtype.type(3), planes.dtype.type(1)
     b = BLOCK
     for i in range(BLOCK):
@@ -45,8 +46,10 @@ def solve(planes, limit):
         hx, hy, hz = cx - ax, cy - ay, cz - az
         nx, ny, nz = ey * hz - ez * hy, ez * hx - ex * hz, ex * hy - ey * hx
         edge_squared, area_squared = ex * ex + ey * ey + ez * ez, nx * nx + ny * ny + nz * nz
-        planes[AREA + i] = area_squared
-        planes[LIMIT + i] = limit * edge_squared * (hx * hx + hy * hy + hz * hz)
+        # each is false for what is not a number
+        sound = (area_squared > limit * edge_squared * (hx * hx + hy * hy + hz * hz)) & (area_squared < infinite)
+        sound = sound & (area_squared >= smallest) & (edge_squared >= smallest)
+        planes[SOUND + i] = one if sound else zero
         edge, area = math.sqrt(edge_squared), math.sqrt(area_squared)
         planes[SCALE + i] = (edge + area / edge) * half
         ex, ey, ez = ex / edge, ey / edge, ez / edge
@@ -74,10 +77,9 @@ def solve(planes, limit):
 def scatter(planes, first, count, rotation, scale, origin, quaternion):
     """Copy a block's frames to where they belong; gives the first degenerate triangle, or -1."""
     for i in range(count):
-        area, limit = planes[AREA + i], planes[LIMIT + i]
-        if not (limit < area < np.inf):  # false for what is not a number
-            return first + i
         f = first + i
+        if planes[SOUND + i] == 0:
+            return f
         for c in range(3):
             origin[f, c] = planes[ORIGIN + c * BLOCK + i]
             for k in range(3):
@@ -89,10 +91,10 @@ def scatter(planes, first, count, rotation, scale, origin, quaternion):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def triangle_frames(start, stop, vertices, faces, limit, rotation, scale, origin, quaternion):
+def triangle_frames(start, stop, vertices, faces, limit, smallest, rotation, scale, origin, quaternion):
     """Write the frames of the triangles `start` (a multiple of BLOCK) to `stop`, and their quaternions, largest component positive.
 
-    `sacha_core.geometry.triangle` says what a frame is; `limit` is the square of its limit.
+    `sacha_core.geometry.triangle` says what a frame is; `limit` is the square of its limit, and `smallest` the smallest normal number.
 
     Returns:
         The first degenerate triangle, at which the work stops, or -1.
@@ -101,7 +103,7 @@ def triangle_frames(start, stop, vertices, faces, limit, rotation, scale, origin
     for block in range(start, stop, BLOCK):
         count = min(BLOCK, stop - block)
         gather(vertices, faces, block, count, planes)
-        solve(planes, limit)
+        solve(planes, limit, smallest)
         fault = scatter(planes, block, count, rotation, scale, origin, quaternion)
         if fault >= 0:
             return fault
