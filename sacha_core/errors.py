@@ -19,6 +19,7 @@ class FormatError(SachaError):
 
     def __init__(self, message: str, offset: int | None = None) -> None:
         super().__init__(message if offset is None else f"{message} (at byte {offset})")
+        self.reason = message
         self.offset = offset
 
 

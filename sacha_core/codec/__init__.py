@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from sacha_core.codec.decoder import decode, embedded_head
+from sacha_core.codec.decoder import AvatarStream, decode, embedded_head, open_stream
 from sacha_core.codec.encoder import encode
 from sacha_core.codec.inspection import Inspection, SectionSize, inspect
 
-__all__ = ["Inspection", "SectionSize", "decode", "embedded_head", "encode", "inspect"]
+__all__ = ["AvatarStream", "Inspection", "SectionSize", "decode", "embedded_head", "encode", "inspect", "open_stream"]

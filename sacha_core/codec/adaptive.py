@@ -1,12 +1,13 @@
 """Adaptive integers: the context-adaptive binary arithmetic coder of motion, counts and tables.
 
-The loops are in `kernels/arithmetic.py`. Short work runs as plain Python; from `COMPILED_FROM` integers on they are compiled,
-where Numba is installed: the bytes are the same either way.
+The loops are in `kernels/arithmetic.py`. Short work runs as plain Python; longer work compiled, where Numba is installed, and sooner
+where it is in use already: the bytes are the same either way.
 """
 
 from __future__ import annotations
 
 import importlib.util
+import sys
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -20,6 +21,9 @@ from sacha_core.errors import FormatError
 __all__ = ["AdaptiveDecoder", "AdaptiveEncoder", "compiled_kernels"]
 
 COMPILED_FROM = 200_000  # below this, plain Python is done before Numba is imported
+COMPILED_FROM_WITH_NUMBA = (
+    1000  # where it is imported already; below this, plain Python is done before the loops come from the cache
+)
 WORST_BYTES = 70  # an integer below 2**32 takes at most 50 modelled bins of up to 10.1 bits, and 31 even ones
 SLACK_BYTES = 16
 
@@ -40,7 +44,7 @@ def compiled_kernels() -> Kernels | None:
 def kernels_for(n_integers: int, compiled: bool | None) -> Kernels | None:
     """Choose the loops for a job of so many integers; None stands for plain Python."""
     if compiled is None:
-        compiled = n_integers >= COMPILED_FROM
+        compiled = n_integers >= (COMPILED_FROM_WITH_NUMBA if "numba" in sys.modules else COMPILED_FROM)
     return compiled_kernels() if compiled else None
 
 

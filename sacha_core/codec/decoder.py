@@ -6,20 +6,20 @@ Source: own.
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
-from sacha_core.avatar.motion import Motion
 from sacha_core.codec.colour import decode_colour
 from sacha_core.codec.container import MAGIC, Section, parse_sections
 from sacha_core.codec.counts import decode_counts
 from sacha_core.codec.harmonics import decode_harmonics
 from sacha_core.codec.head import decode_head
 from sacha_core.codec.header import Header
-from sacha_core.codec.motion import decode_motion
+from sacha_core.codec.motion import MotionReader
 from sacha_core.codec.opacity import decode_opacity
 from sacha_core.codec.order import Layout
 from sacha_core.codec.position import decode_position
@@ -28,9 +28,18 @@ from sacha_core.codec.scale import classes_of, decode_scale
 from sacha_core.codec.static import decode_static
 from sacha_core.codec.template import Template, template_of, unknown_template
 from sacha_core.errors import FormatError, HeadError
-from sacha_core.flame.model import HeadModel
+from sacha_core.flame.model import HeadModel, HeadReference
 
-__all__ = ["Source", "decode", "embedded_head", "read_header", "read_source", "sections_of"]
+__all__ = [
+    "AvatarStream",
+    "Source",
+    "decode",
+    "embedded_head",
+    "open_stream",
+    "read_header",
+    "read_source",
+    "sections_of",
+]
 
 Source = bytes | bytearray | memoryview | str | os.PathLike[str]
 KNOWN = ("Header", "Static", "Counts", "Opacity", "Scale", "Rotation", "Position", "Colour", "Harmonic", "Motion")
@@ -72,6 +81,23 @@ def read_header(data: bytes, sections: dict[str, Section]) -> Header:
     return Header.unpack(need(sections, "Header").reader(), len(data))
 
 
+@dataclass(frozen=True)
+class AvatarStream:
+    """An avatar whose motion is still to be decoded, group by group.
+
+    Args:
+        gaussians: the canonical Gaussians.
+        head: which head model they are bound to.
+        motion: decodes any group alone; None for an avatar without a motion.
+        scheme: name of the region scheme that was used in training.
+    """
+
+    gaussians: Gaussians
+    head: HeadReference
+    motion: MotionReader | None
+    scheme: str
+
+
 def decode(source: Source, *, head: HeadModel | None = None) -> Avatar:
     """Decompress an avatar.
 
@@ -90,13 +116,26 @@ def decode(source: Source, *, head: HeadModel | None = None) -> Avatar:
         HeadError: `head` is another one, or the head is needed and not to be found; the message names it.
         OSError: the file cannot be read.
     """
+    stream = open_stream(source, head=head)
+    return Avatar(stream.gaussians, stream.head, None if stream.motion is None else stream.motion.all(), stream.scheme)
+
+
+def open_stream(source: Source, *, head: HeadModel | None = None) -> AvatarStream:
+    """Decompress an avatar but for the frames of its motion, so that the time does not grow with their number.
+
+    Args:
+        source: as of `decode`.
+        head: likewise.
+
+    Raises:
+        FormatError, HeadError, OSError: as `decode` does, but for damage in the groups of the motion, which shows when they are decoded.
+    """
     data = read_source(source)
     _, sections = sections_of(data)
     header = read_header(data, sections)
     gaussians = decode_gaussians(sections, header, find_template(sections, header, head))
     gaussians.validate(header.head.n_faces)
-    motion = read_motion(sections, header)
-    return Avatar(gaussians, header.head, motion, header.scheme)
+    return AvatarStream(gaussians, header.head, read_motion(sections, header), header.scheme)
 
 
 def find_template(sections: dict[str, Section], header: Header, head: HeadModel | None) -> Template:
@@ -144,14 +183,14 @@ def decode_gaussians(sections: dict[str, Section], header: Header, template: Tem
     )
 
 
-def read_motion(sections: dict[str, Section], header: Header) -> Motion | None:
-    """Decode the motion, or give None where the file has none."""
+def read_motion(sections: dict[str, Section], header: Header) -> MotionReader | None:
+    """Read what the motion says once and where its groups lie, or give None where the file has none."""
     if not header.has_motion:
         return None
     shape, static_offset = decode_static(need(sections, "Static").reader(), header.n_shape, header.n_offsets)
     dynamic = need(sections, "Motion").reader()
-    motion = decode_motion(dynamic, header.n_frames, header.n_expression, shape, static_offset)
-    motion.validate()
+    motion = MotionReader(dynamic, header.n_frames, header.n_expression, shape, static_offset)
+    motion.still().validate()
     return motion
 
 

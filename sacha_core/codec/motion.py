@@ -22,8 +22,9 @@ from sacha_core.codec.adaptive import AdaptiveDecoder, AdaptiveEncoder
 from sacha_core.codec.levels import Level
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.static import MAX_LEVEL, read_step, to_levels
+from sacha_core.errors import FormatError
 
-__all__ = ["MotionHead", "decode_group", "decode_motion", "encode_motion", "read_motion_head"]
+__all__ = ["MotionHead", "MotionReader", "decode_group", "encode_motion", "read_motion_head"]
 
 PARAMETERS = ("expression", "rotation", "neck", "jaw", "eyes", "translation")
 WIDTHS = (0, 3, 3, 3, 6, 3)  # of an expression the header tells
@@ -101,9 +102,10 @@ def encode_group(
     base: Int[np.ndarray, " p"],
     damping: Int[np.ndarray, " p"],
     kinds: Int[np.ndarray, " p"],
+    expected: int,
 ) -> bytes:
-    """Code the frames of one group."""
-    coder = AdaptiveEncoder(N_CONTEXTS, expected=levels.size)
+    """Code the frames of one group; `expected` integers are coded in all groups together."""
+    coder = AdaptiveEncoder(N_CONTEXTS, expected)
     last = None
     for difference in differences_of(levels, base, damping):
         coder.write(difference, contexts_of(kinds, last))
@@ -124,7 +126,8 @@ def encode_motion(motion: Motion, level: Level, group_frames: int) -> bytes:
     base_coder.write(base, kinds)
     coded_base = base_coder.finish()
     starts = range(0, t, group_frames)
-    groups = [encode_group(levels[start : start + group_frames], base, kind_damping[kinds], kinds) for start in starts]
+    damping = kind_damping[kinds]
+    groups = [encode_group(levels[at : at + group_frames], base, damping, kinds, levels.size) for at in starts]
     index = b"".join(struct.pack("<" + INDEX, len(group), zlib.crc32(group)) for group in groups)
     head = struct.pack("<3d" + LAYOUT, *steps, motion.frame_rate, group_frames, *kind_damping, len(coded_base))
     return b"".join([head, coded_base, index, *groups])
@@ -159,47 +162,126 @@ def read_motion_head(reader: ByteReader, n_frames: int, n_expression: int) -> Mo
     return MotionHead(frame_rate, by_kind[kinds], kinds, group_frames, damping[kinds], base, groups)
 
 
-def decode_group(data: bytes, n_frames: int, head: MotionHead, offset: int | None = None) -> Int[np.ndarray, "t p"]:
+def decode_group(
+    data: bytes, n_frames: int, head: MotionHead, offset: int | None = None, expected: int = 0
+) -> Int[np.ndarray, "t p"]:
     """Read the levels of one group; nothing but the head is needed.
+
+    Args:
+        data: of the group.
+        n_frames: in it.
+        head: what precedes the groups.
+        offset: where `data` lies in its file, for messages.
+        expected: roughly how many integers the caller will read, this group's included.
 
     Raises:
         FormatError: the bytes are not what an encoder writes.
     """
-    coder = AdaptiveDecoder(data, N_CONTEXTS, expected=n_frames * len(head.kinds), offset=offset)
+    coder = AdaptiveDecoder(data, N_CONTEXTS, max(expected, n_frames * len(head.kinds)), offset=offset)
     levels = np.zeros((n_frames, len(head.kinds)), np.int64)
     difference = None
     for t in range(n_frames):
-        expected = predict(levels[t - 1], levels[max(t - 2, 0)], head.damping) if t else head.base
+        expected_levels = predict(levels[t - 1], levels[max(t - 2, 0)], head.damping) if t else head.base
         difference = coder.read(contexts_of(head.kinds, difference))
-        levels[t] = expected + difference
+        levels[t] = expected_levels + difference
         if np.abs(levels[t]).max(initial=0) > MAX_LEVEL:
             raise coder.error(f"frame {t} of a group has a level beyond {MAX_LEVEL}")
     coder.check_end()
     return levels
 
 
-def decode_motion(
-    reader: ByteReader,
-    n_frames: int,
-    n_expression: int,
-    shape: Float[np.ndarray, " s"],
-    static_offset: Float[np.ndarray, "v 3"],
-) -> Motion:
-    """Read all frames.
+class MotionReader:
+    """The motion of a file, of which any group can be decoded alone.
+
+    Args:
+        reader: over the section.
+        n_frames: of the motion.
+        n_expression: expression coefficients a frame.
+        shape: identity coefficients, which the file says once.
+        static_offset: personal vertex offsets, likewise.
 
     Raises:
-        FormatError: a group is damaged, or its bytes are not what an encoder writes.
+        FormatError: what precedes the groups is not what an encoder writes.
     """
-    head = read_motion_head(reader, n_frames, n_expression)
-    parts = []
-    for number, (_, n_bytes, checksum) in enumerate(head.groups):
-        offset = reader.offset
-        data = reader.take(n_bytes)
+
+    def __init__(
+        self,
+        reader: ByteReader,
+        n_frames: int,
+        n_expression: int,
+        shape: Float[np.ndarray, " s"],
+        static_offset: Float[np.ndarray, "v 3"],
+    ) -> None:
+        self._head = read_motion_head(reader, n_frames, n_expression)
+        self._n_frames, self._static = n_frames, (shape, static_offset)
+        self._offset, self._data = reader.offset, reader.take(reader.left)
+
+    def __len__(self) -> int:
+        """Give the number of frames."""
+        return self._n_frames
+
+    @property
+    def frame_rate(self) -> float:
+        """Frames a second."""
+        return self._head.frame_rate
+
+    @property
+    def group_frames(self) -> int:
+        """Frames in every group but the last."""
+        return self._head.group_frames
+
+    def still(self) -> Motion:
+        """Give the motion without its frames: what the file says once about the person."""
+        return self._motion(np.zeros((0, len(self._head.kinds)), np.int64))
+
+    def group(self, number: int) -> Motion:
+        """Decode the frames `number` * `group_frames` and on, of one group.
+
+        Raises:
+            IndexError: there is no such group.
+            FormatError: it is damaged, or its bytes are not what an encoder writes; the message names it.
+        """
+        return self._checked(number, self._levels(number))
+
+    def all(self) -> Motion:
+        """Decode all frames.
+
+        Raises:
+            FormatError: as for `group`.
+        """
+        n_integers = self._n_frames * len(self._head.kinds)
+        parts = [self._levels(number, n_integers) for number in range(len(self._head.groups))]
+        for number, levels in enumerate(parts):
+            self._checked(number, levels)
+        return self._motion(np.concatenate([np.zeros((0, len(self._head.kinds)), np.int64), *parts]))
+
+    def _levels(self, number: int, expected: int = 0) -> Int[np.ndarray, "t p"]:
+        if not 0 <= number < len(self._head.groups):
+            raise IndexError(f"motion group {number} does not exist; there are {len(self._head.groups)}")
+        start, n_bytes, checksum = self._head.groups[number]
+        data = self._data[start : start + n_bytes]
         if zlib.crc32(data) != checksum:
-            raise reader.error(f"the checksum of motion group {number} is wrong")
-        frames = min(head.group_frames, n_frames - number * head.group_frames)
-        parts.append(decode_group(data, frames, head, offset))
-    levels = np.concatenate([np.zeros((0, len(head.kinds)), np.int64), *parts])
-    values = (levels.astype(np.float64) * head.steps).astype(np.float32)
-    columns = {name: values[:, head.kinds == kind] for kind, name in enumerate(PARAMETERS)}
-    return Motion(shape, static_offset, **columns, frame_rate=head.frame_rate)
+            raise FormatError(f"the checksum of motion group {number} is wrong", self._offset + start)
+        n_frames = min(self.group_frames, self._n_frames - number * self.group_frames)
+        try:
+            return decode_group(data, n_frames, self._head, self._offset + start, expected)
+        except FormatError as error:
+            raise self._named(number, error) from error
+
+    def _checked(self, number: int, levels: Int[np.ndarray, "t p"]) -> Motion:
+        """Give the motion of a group's levels, each of a size that a head can have."""
+        motion = self._motion(levels)
+        try:
+            motion.validate()
+        except FormatError as error:
+            raise self._named(number, error) from error
+        return motion
+
+    def _named(self, number: int, error: FormatError) -> FormatError:
+        start = self._offset + self._head.groups[number][0]
+        return FormatError(f"motion group {number}: {error.reason}", start if error.offset is None else error.offset)
+
+    def _motion(self, levels: Int[np.ndarray, "t p"]) -> Motion:
+        values = (levels.astype(np.float64) * self._head.steps).astype(np.float32)
+        columns = {name: values[:, self._head.kinds == kind] for kind, name in enumerate(PARAMETERS)}
+        return Motion(*self._static, **columns, frame_rate=self.frame_rate)

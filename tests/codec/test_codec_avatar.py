@@ -252,19 +252,3 @@ def test_decoding_imports_neither_torch_nor_numba_nor_trimesh(tmp_path):
         "assert not {'torch', 'numba', 'trimesh'} & set(sys.modules), set(sys.modules)\n"
     )
     run([sys.executable, "-c", code], check=True)
-
-
-@pytest.mark.parametrize("level", LEVEL_NUMBERS)
-def test_any_group_of_the_motion_decodes_alone(level):
-    from sacha_core.codec.container import parse_sections  # noqa: PLC0415
-    from sacha_core.codec.motion import decode_group, read_motion_head  # noqa: PLC0415
-
-    avatar = random_avatar(3, n_frames=23)
-    data = encode(avatar, level, group_frames=8)
-    whole = decode(data).motion
-    reader = parse_sections(data)[1]["Motion"].reader()
-    head = read_motion_head(reader, 23, avatar.motion.expression.shape[1])
-    body = reader.take(reader.left)
-    start, n_bytes, _ = head.groups[2]
-    levels = decode_group(body[start : start + n_bytes], 7, head)
-    assert np.array_equal((levels * head.steps).astype(np.float32)[:, head.kinds == 0], whole.expression[16:])
