@@ -1,0 +1,247 @@
+"""Training on a CUDA device: the loop's engine in torch and gsplat."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from sacha_core.avatar.motion import Motion
+from sacha_core.flame.model import HeadModel
+from sacha_core.stopwatch import Stopwatch
+from sacha_core.train.cuda.clock import DeviceClock
+from sacha_core.train.cuda.drawing import Drawer, Drawing, Gsplat, World, load_gsplat
+from sacha_core.train.cuda.graphs import Recorder
+from sacha_core.train.cuda.image_loss import DeviceImageLoss
+from sacha_core.train.cuda.layout import NAMES
+from sacha_core.train.cuda.penalties import penalise
+from sacha_core.train.cuda.scene import Scene
+from sacha_core.train.cuda.state import DeviceState
+from sacha_core.train.cuda.statistics import Statistic, gradient_lengths
+from sacha_core.train.cuda.targets import DeviceTargets, TargetBatch, upload
+from sacha_core.train.options import TrainOptions
+from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, Arrays, TrainState
+from sacha_core.train.views import Target
+
+__all__ = ["CudaEngine"]
+
+LOSSES = ("total", "l1", "ssim", "sensitivity", "position", "scale")
+TARGETS_SHARE = 0.5  # of the device's free memory that targets may fill
+
+
+class CudaEngine:
+    """Trains on a device; `sacha_core.train.engine.Engine` says what each method is for.
+
+    An iteration queues its work and goes on; only drawing waits, for how long the lists of tiles are. The order of atomic additions makes
+    two runs differ in their last digits.
+
+    Args:
+        head: the head model.
+        motion: whose static parameters make the person.
+        options: of the run.
+        device: where to compute; one without CUDA wants a stand-in for gsplat.
+        gsplat: draws; None for gsplat itself.
+        statistic: whether growth is decided by gradients by the places in images, in normalised device units, or by their absolute
+            values summed over pixels.
+        graphs: whether to launch stages between drawing as recorded CUDA graphs.
+
+    Attributes:
+        stopwatch: told how long each stage takes on the device; None for nobody.
+
+    Raises:
+        HeadError: the motion has components or vertex offsets that the head lacks.
+    """
+
+    def __init__(
+        self,
+        head: HeadModel,
+        motion: Motion,
+        options: TrainOptions,
+        device: str = "cuda",
+        gsplat: Gsplat | None = None,
+        statistic: Statistic = "ndc",
+        graphs: bool = False,
+    ) -> None:
+        self.stopwatch: Stopwatch | None = None
+        self._device = torch.device(device)
+        self._options, self._fine_tune, self._statistic = options.losses, options.fine_tune, statistic
+        self._scene = Scene(head, motion, self._device)
+        self._drawer = Drawer(gsplat or load_gsplat(), self._device)
+        self._image_loss = DeviceImageLoss(options.losses, self._device)
+        self._targets = DeviceTargets(self._device, room_for_targets(self._device))
+        self._clock, self._record = DeviceClock(self._device), Recorder(graphs)
+        self._host: TrainState | None = None
+        self._state: DeviceState  # as soon as there is a host's
+        self._degree, self._moment = 0, torch.zeros(2, dtype=torch.int64, device=self._device)
+        self._sound: Bool[Tensor, ""] = torch.zeros((), dtype=torch.bool, device=self._device)
+        self._summed = torch.zeros(
+            1 + len(LOSSES), dtype=torch.float64, device=self._device
+        )  # steps without fault, losses
+        self._triangle_scale: Float[Tensor, " f"] = torch.zeros(head.n_faces, device=self._device)
+
+    def put(self, state: TrainState) -> None:
+        """Go on from a state. Gradients kept stay good; those of Gaussians do not where their number has changed."""
+        if self._host is not None and self._state.fits(state):
+            self._state.set(state)
+        else:
+            fresh = DeviceState(state, self._device)
+            if self._host is not None:
+                fresh.inherit(self._state)
+            self._state = fresh
+            self._record.forget()
+        self._host = state
+
+    def take(self) -> TrainState:
+        """Give the state as it is now; waits for the device.
+
+        Raises:
+            ValueError: none was put.
+        """
+        if self._host is None:
+            raise ValueError("there is no state to take, expected one to be put first")
+        self._state.get(self._host)
+        return self._host
+
+    def differentiate(self, iteration: int, targets: Sequence[Target], degree: int) -> None:
+        """Draw some views of one timestep, compare, and keep the gradients of the mean loss; adds to statistics and losses."""
+        self._degree, timestep = degree, targets[0].timestep
+        self._moment[0].fill_(iteration)
+        self._moment[1].fill_(timestep)
+        batches = self._targets.batches(targets)
+        leaves = self._leaves(timestep)
+        with self._stage("pose"):
+            centres = torch.cat([batch.cameras.centres for batch in batches])
+            *splats, colours, scale, posed = self._record(
+                "pose", self._place, *leaves.values(), centres, key=degree, learns=True
+            )
+        drawings, slopes, parts = [], [], []
+        for batch, seen in zip(batches, colours.split_with_sizes([len(batch) for batch in batches]), strict=True):
+            with self._stage("draw"):
+                drawings.append(self._drawer.draw(World(*splats), seen, batch.cameras, self._statistic == "absolute"))
+            with self._stage("loss"), torch.no_grad():
+                images = (drawings[-1].image, batch.image, batch.sensitivity)
+                losses, slope = self._record("loss", self._image_loss, *images)
+                parts.append(losses * (len(batch) / len(targets)))
+                slopes.append(slope * (len(batch) / len(targets)))
+        with self._stage("backward"):
+            wanted = [leaf for leaf in leaves.values() if leaf.requires_grad] + [one.means_2d for one in drawings]
+            found = torch.autograd.grad([one.image for one in drawings], wanted, slopes, materialize_grads=True)
+        with self._stage("account"), torch.no_grad():
+            visible = torch.cat([drawing.visible for drawing in drawings])
+            lengths = self._lengths(drawings, batches, found[-len(drawings) :], len(targets))
+            facts = (torch.stack(parts).sum(0), visible, lengths, colours, scale, posed)
+            (self._sound,) = self._record("account", self._account, *facts, *found[: -len(drawings)])
+
+    def advance(self, rates: Mapping[str, float], void: frozenset[str]) -> None:
+        """Let Adam step with the gradients kept, unless the last `differentiate` found a fault."""
+        still = {*void, *(() if self._degree > 0 else ("sh_rest",)), *(() if self._fine_tune else FITTED_MOTION)}
+        by_name = upload(np.array([rates[name] for name in NAMES]), self._device)
+        with self._stage("adam"), torch.no_grad():
+            self._record("adam", self._step(frozenset(still)), by_name, self._sound, key=frozenset(still))
+
+    def losses(self) -> dict[str, float]:
+        """Give the mean losses of the iterations without fault since the last call; waits for the device."""
+        steps, *sums = self._summed.tolist()
+        self._summed.zero_()
+        self._clock.settle(self.stopwatch)
+        return {name: total / steps for name, total in zip(LOSSES, sums, strict=True)} if steps else {}
+
+    def gradients(self) -> Arrays:
+        """Give copies of the gradients of the last `differentiate`, of the motion the row of its timestep; waits for the device."""
+        kept, timestep = self._state.gradients, int(self._moment[1])
+        found = {name: kept[name] for name in ATTRIBUTES if name != "sh_rest" or self._degree > 0}
+        if self._fine_tune:
+            found |= {name: kept[name][timestep] for name in FITTED_MOTION}
+        return {name: gradient.clone().cpu().numpy() for name, gradient in found.items()}
+
+    def weights(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:  # noqa: ARG002 (weights have no colour)
+        """Give each Gaussian's blending weight summed over pixels of views of one timestep: plain, and by reference sensitivity."""
+        summed = torch.zeros(len(self._state.binding), 2, dtype=torch.float64, device=self._device)
+        with torch.no_grad():
+            world, _, posed = self._scene.place(self._leaves(targets[0].timestep), self._state.binding)
+            for batch in self._targets.batches(targets):
+                sensitive = batch.sensitivity * (1 / 255)
+                pixels = torch.stack([torch.ones_like(sensitive), sensitive], 3)
+                summed += self._drawer.weights(world, pixels, batch.cameras)
+            found: np.ndarray = torch.where(posed, summed, 0).cpu().numpy()
+        return found
+
+    @property
+    def triangle_scale(self) -> Float[np.ndarray, " f"]:
+        """Metres a local unit, of each triangle, in the pose of the last `differentiate` that could pose; waits for the device."""
+        scale: np.ndarray = self._triangle_scale.cpu().numpy()
+        return scale
+
+    def _stage(self, name: str) -> AbstractContextManager[None]:
+        return self._clock(self.stopwatch, name)
+
+    def _leaves(self, timestep: int) -> dict[str, Tensor]:
+        """Give the attributes, and of each motion parameter the row of a timestep, as leaves that gradients are wanted of."""
+        values, fixed = self._state.values, () if self._fine_tune else FITTED_MOTION
+        rows = {name: values[name][timestep] if name in FITTED_MOTION else values[name] for name in NAMES}
+        return {name: row.detach().requires_grad_(name not in fixed) for name, row in rows.items()}
+
+    def _place(self, *tensors: Tensor) -> tuple[Tensor, ...]:
+        """From leaves and the cameras' centres to what is drawn, triangles' scale, and whether every triangle has an area."""
+        *values, centres = tensors
+        leaves = dict(zip(NAMES, values, strict=True))
+        world, scale, posed = self._scene.place(leaves, self._state.binding)
+        colours = self._scene.colours(leaves, world.means, centres, self._degree)
+        return world.means, world.scales, world.quaternions, world.opacities, colours, scale, posed
+
+    def _lengths(
+        self, drawings: Sequence[Drawing], batches: Sequence[TargetBatch], gradients: Sequence[Tensor], views: int
+    ) -> Float[Tensor, " n"]:
+        """Give what the statistics of growth get of each Gaussian."""
+        lengths = []
+        for drawing, batch, gradient in zip(drawings, batches, gradients, strict=True):
+            slope: Tensor = drawing.means_2d.absgrad if self._statistic == "absolute" else gradient  # type: ignore[attr-defined]
+            size = (batch.cameras.width, batch.cameras.height)
+            lengths.append(gradient_lengths(slope, drawing.visible, *size, views))
+        return torch.stack(lengths).sum(0)
+
+    def _account(
+        self,
+        parts: Float[Tensor, "4"],
+        visible: Bool[Tensor, "c n"],
+        lengths: Float[Tensor, " n"],
+        colours: Float[Tensor, "c n 4"],
+        scale: Float[Tensor, " f"],
+        posed: Bool[Tensor, ""],
+        *gradients: Tensor,
+    ) -> tuple[Bool[Tensor, ""]]:
+        """Keep the gradients with those of the penalties, look for faults, and where there is none add to losses and statistics."""
+        state, kept = self._state, self._state.gradients
+        state.flat_gradient.zero_()
+        for name, gradient in zip(NAMES, gradients, strict=False):
+            if name in FITTED_MOTION:
+                kept[name].index_copy_(0, self._moment[1:], gradient[None])
+            else:
+                kept[name].copy_(gradient)
+        local = (state.values["position"], state.values["log_scale"])
+        penalties = penalise(*local, visible, self._options, kept["position"], kept["log_scale"])
+        total = parts[0] + penalties.sum()
+        sound = state.faults.note(self._moment, posed, colours, state.flat_gradient, total)
+        losses = torch.cat([torch.ones_like(parts[:1]), total[None], parts[1:], penalties])
+        self._summed += torch.where(sound, losses, 0)
+        self._triangle_scale.copy_(torch.where(posed, scale, self._triangle_scale))
+        state.count(lengths, visible.sum(0), sound)
+        return (sound,)
+
+    def _step(self, still: frozenset[str]) -> Callable[[Tensor, Tensor], tuple[()]]:
+        """Give the stage that lets Adam step."""
+
+        def step(rates: Tensor, sound: Tensor) -> tuple[()]:
+            self._state.adam.step(self._state.flat_values, self._state.flat_gradient, rates, sound, still)
+            return ()
+
+        return step
+
+
+def room_for_targets(device: torch.device) -> int:
+    """Give how many bytes of a device targets may fill; on the CPU, where they are already, none."""
+    return int(TARGETS_SHARE * torch.cuda.mem_get_info(device)[0]) if device.type == "cuda" else 0

@@ -1,0 +1,31 @@
+"""What growth is decided by, summed on a device."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+__all__ = ["Statistic", "gradient_lengths"]
+
+Statistic = Literal["ndc", "absolute"]
+
+
+def gradient_lengths(
+    gradient: Float[Tensor, "c n 2"], visible: Bool[Tensor, "c n"], width: int, height: int, views: int
+) -> Float[Tensor, " n"]:
+    """Give the lengths of the gradients by the places of Gaussians in images, in normalised device units, summed over the images.
+
+    Args:
+        gradient: (c, n, 2) of the mean loss over all views of a step, per pixel; or the sums of its absolute values.
+        visible: (c, n) which Gaussians each image shows.
+        width: of the images, pixels.
+        height: likewise.
+        views: how many the mean is over; each counts as if it had been alone.
+
+    Source: Kerbl et al., 3D Gaussian Splatting, 2023, section 5.2; Ye et al., AbsGS, 2024 (absolute values).
+    """
+    lengths = torch.hypot(gradient[..., 0] * (width / 2 * views), gradient[..., 1] * (height / 2 * views))
+    return torch.where(visible, lengths, 0).sum(0)
