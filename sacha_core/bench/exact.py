@@ -5,6 +5,8 @@ Dense, with no tiles and no boxes: every Gaussian at every pixel. `Camera.crop` 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +18,7 @@ from sacha_core.raster.camera import Camera
 from sacha_core.raster.rasteriser import NEAR
 from sacha_core.raster.splats import Splats
 
-__all__ = ["Decisions", "ExactFrame", "Leaves", "draw", "leaves_of", "rotation_matrices"]
+__all__ = ["Decisions", "ExactFrame", "Leaves", "draw", "leaves_of", "one_thread", "rotation_matrices"]
 
 Leaves = dict[str, Tensor]
 
@@ -74,6 +76,17 @@ class _Ellipses:
     conic: tuple[Tensor, Tensor, Tensor]
     diagonal: Float[Tensor, "m 2"]
     follows: Bool[Tensor, "m 2"]
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Keep torch on the calling thread: on small arrays more threads only wait for each other, and sums keep their order."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def leaves_of(splats: Splats, learn: bool = False) -> Leaves:

@@ -92,8 +92,21 @@ def refuse_triangle(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "
         GeometryError: always; the message names the triangle, what is wrong with it, and where its vertices lie.
     """
     corners = vertices[faces[face]]
-    fault = "has zero area" if np.isfinite(corners).all() else "has a vertex that is not finite"
+    fault = (
+        _fault(corners.astype(np.float64), vertices.dtype)
+        if np.isfinite(corners).all()
+        else "has a vertex that is not finite"
+    )
     where = ", ".join(
         f"{index} at ({x:.6g}, {y:.6g}, {z:.6g})" for index, (x, y, z) in zip(faces[face], corners, strict=True)
     )
     raise GeometryError(f"triangle {face} {fault}: vertices {where}; every triangle needs an area to carry Gaussians")
+
+
+def _fault(corners: Float[np.ndarray, "3 3"], dtype: np.dtype[np.floating]) -> str:
+    """Say why a triangle of finite vertices has no frame in a dtype."""
+    edge, second = corners[1] - corners[0], corners[2] - corners[0]
+    lengths = np.linalg.norm(edge), np.linalg.norm(second)
+    if np.linalg.norm(np.cross(edge, second)) > degenerate_limit(dtype) * lengths[0] * lengths[1]:
+        return f"has an edge of {lengths[0]:.3g} m, out of range for {dtype}"
+    return "has zero area"

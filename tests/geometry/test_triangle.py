@@ -135,5 +135,12 @@ def test_a_vanishing_triangle_keeps_its_shape_until_it_is_refused(dtype: type) -
     assert refused
 
 
+@pytest.mark.parametrize("size", [1e-15, 1e15])
+def test_a_triangle_out_of_range_is_not_said_to_have_no_area(size: float) -> None:
+    vertices = (np.array([[0, 0, 0], [3, 1, 2], [1, 4, -2]]) * size).astype(np.float32)
+    with pytest.raises(GeometryError, match=r"triangle 0 has an edge of 3\.74e[+-]15 m, out of range for float32"):
+        triangle_frames(vertices, np.array([[0, 1, 2]]))
+
+
 def test_no_faces() -> None:
     assert triangle_frames(np.zeros((3, 3)), np.zeros((0, 3), np.int32)).rotation.shape == (0, 3, 3)

@@ -1,0 +1,1 @@
+"""Hard cases, each with what must happen and code that looks whether it does."""

@@ -1,0 +1,126 @@
+"""Gradients of the whole chain, from the picture's loss back to every parameter, FLAME's included.
+
+Two questions, asked of each parameter. Is the formula right? Its gradient by automatic differentiation of the exact loss, whose decisions
+are kept, must be the limit of central differences: a theorem, in float64. Is what ships precise enough? The kernels' float32 gradient must
+agree with the exact one; the scene keeps clear of all thresholds, so that both decide alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from sacha_core.bench.stability.case import Case, Findings
+from sacha_core.bench.stability.chain import DEGREE, Chain, chain
+from sacha_core.bench.stability.exact_step import ExactLoss, step_leaves
+from sacha_core.raster.pool import Pool
+from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION
+from sacha_core.train.step import Stage
+
+__all__ = ["cases"]
+
+STEP = (
+    1e-5  # of central differences; their error falls with its square, and rounding of the loss grows with its inverse
+)
+SLOPE = 1e-6  # relative to the largest gradient of the kind: what STEP leaves of both
+SHIPPED = 1e-4  # likewise: float32 sums over a thousand pixels, through some ten stages
+LOSS = 1e-6  # relative: float32 sums
+SAMPLES, DIRECTIONS = (
+    10,
+    3,
+)  # numbers of a parameter that are moved alone, and random directions in which all are moved together
+
+POSES_RAD = {
+    "at rest, where Rodrigues' angle vanishes": 0.0,
+    "turned by 1e-7 rad a component": 1e-7,
+    "turned by 1e-3 rad a component": 1e-3,
+    "turned by half a turn": float(np.pi / np.sqrt(3)),
+    "turned beyond a whole turn": 4.0,
+}
+
+
+def cases(full: bool = False) -> Iterator[Case]:
+    """Give the family; `full` moves every number of every parameter, and not some of each."""
+    must = "be the limit of central differences (float64), and be what the kernels give (float32)"
+    for name in (*ATTRIBUTES, *FITTED_MOTION):
+        yield Case(name, "the whole chain at an ordinary pose", must, partial(_gradient, name, None, full), slow=full)
+    for given, pose in POSES_RAD.items():
+        yield Case(f"motion {given}", "all joints", must, partial(_motion, pose))
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A scene with its gradients.
+
+    Args:
+        made: the scene.
+        loss: the exact one, with its decisions.
+        exact: gradients of that by automatic differentiation.
+        shipped: gradients by which training steps.
+        shipped_loss: the loss that training reports.
+    """
+
+    made: Chain
+    loss: ExactLoss
+    exact: dict[str, Tensor]
+    shipped: dict[str, Float[np.ndarray, "..."]]
+    shipped_loss: float
+
+
+def _motion(pose: float, findings: Findings) -> None:
+    for name in FITTED_MOTION:
+        _gradient(name, pose, True, findings)
+
+
+def _gradient(name: str, pose: float | None, whole: bool, findings: Findings) -> None:
+    judged = _judged(pose)
+    gradient, shipped = judged.exact[name], judged.shipped[name]
+    largest, loss = float(gradient.abs().max()), float(judged.loss.parts["total"])
+    findings.require(largest > 0, f"{name} has a gradient")
+    findings.below(f"{name} against slopes", _slope_error(judged, name, whole) / largest, SLOPE)
+    findings.below(f"{name} in float32", float(np.abs(shipped - gradient.numpy()).max()) / largest, SHIPPED)
+    findings.below("loss in float32", abs(judged.shipped_loss - loss) / loss, LOSS)
+
+
+@lru_cache(maxsize=8)
+def _judged(pose: float | None) -> Judged:
+    made = chain(pose)
+    leaves = step_leaves(made.state, made.target.timestep, learn=True)
+    loss = made.loss(leaves)
+    slopes = torch.autograd.grad(loss.parts["total"], list(leaves.values()))
+    parts = {name: part.detach() for name, part in loss.parts.items()}
+    return Judged(made, replace(loss, parts=parts), dict(zip(leaves, slopes, strict=True)), *_shipped(made))
+
+
+def _slope_error(judged: Judged, name: str, whole: bool) -> float:
+    """Give the largest difference between a gradient and the slopes of the loss with its decisions kept."""
+    made, slopes = judged.made, judged.exact[name].reshape(-1)
+    leaves = step_leaves(made.state, made.target.timestep)
+    start, size, rng = leaves[name].clone(), len(slopes), np.random.default_rng(11)
+    chosen = np.arange(size) if whole else rng.choice(size, min(SAMPLES, size), replace=False)
+    directions = [*np.eye(size)[chosen], *(rng.normal(size=(DIRECTIONS, size)) / np.sqrt(size))]
+    worst = 0.0
+    for direction in map(torch.from_numpy, directions):
+        ends = []
+        for sign in (1, -1):
+            leaves[name] = start + sign * STEP * direction.reshape(start.shape)
+            with torch.no_grad():
+                ends.append(float(made.loss(leaves, judged.loss.decisions).parts["total"]))
+        worst = max(worst, abs((ends[0] - ends[1]) / (2 * STEP) - float(slopes @ direction)))
+    return worst
+
+
+def _shipped(made: Chain) -> tuple[dict[str, Float[np.ndarray, "..."]], float]:
+    """Give the gradients by which training steps, and the loss that it reports."""
+    stage = Stage(made.head, made.motion, made.weights, Pool(1))
+    target = made.target
+    drawing = stage.draw(made.state, target.timestep, target.camera, DEGREE, target.box)
+    outcome = stage.judge(made.state, drawing, target, DEGREE)
+    motion = {name: rows[target.timestep].copy() for name, rows in outcome.motion_gradients.items()}
+    return {**{name: g.copy() for name, g in outcome.gradients.items()}, **motion}, outcome.losses["total"]
