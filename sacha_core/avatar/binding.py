@@ -12,7 +12,7 @@ from sacha_core.errors import GeometryError
 from sacha_core.geometry import quaternion
 from sacha_core.geometry.triangle import TriangleFrames
 
-__all__ = ["WorldGaussians", "initial_gaussians", "to_world"]
+__all__ = ["WorldGaussians", "initial_gaussians", "sigmoid", "to_world"]
 
 BLOCK = 2048  # Gaussians at a time, so that intermediate results stay in the cache and in memory already at hand
 INITIAL_OPACITY = 0.1
@@ -100,11 +100,11 @@ def to_world(gaussians: Gaussians, frames: TriangleFrames) -> WorldGaussians:
         with np.errstate(over="ignore"):  # a Gaussian without end is culled when it is drawn
             scales[rows] = np.exp(gaussians.log_scale[rows]) * scale
         quaternions[rows] = quaternion.multiply(turns[face], quaternion.normalise(gaussians.quaternion[rows]))
-    opacities = _sigmoid(gaussians.opacity_logit).astype(np.float32, copy=False)
+    opacities = sigmoid(gaussians.opacity_logit).astype(np.float32, copy=False)
     return WorldGaussians(means, scales, quaternions, opacities)
 
 
-def _sigmoid(logit: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+def sigmoid(logit: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Logistic function through tanh, which neither overflows nor cancels."""
     value: np.ndarray = (1 + np.tanh(logit / 2)) / 2
     return value

@@ -1,0 +1,131 @@
+"""An avatar's Gaussians as they are to be drawn in a pose: what does not change is made once, what changes into the same memory."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from jaxtyping import Float
+
+from sacha_core.animation.carry import room_for
+from sacha_core.animation.kernels.carry import BLOCK
+from sacha_core.animation.kernels.carry import carry as carry_range
+from sacha_core.animation.kernels.view_change import largest_turn
+from sacha_core.animation.posed import PosedHead, block_bounds
+from sacha_core.avatar.binding import sigmoid
+from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.errors import OptionError
+from sacha_core.flame.model import HeadModel
+from sacha_core.flame.posing import HeadMotion
+from sacha_core.raster.harmonics import sh_colours
+from sacha_core.raster.kernels.layout import ALPHA_MIN
+from sacha_core.raster.pool import Pool
+from sacha_core.raster.splats import Splats
+
+__all__ = ["Figure"]
+
+
+class Figure:
+    """Poses an avatar and gives what a rasteriser draws.
+
+    Gaussians that are too faint for any pixel are left out; the picture is the same to the bit.
+
+    Args:
+        gaussians: n canonical Gaussians.
+        head: the head that they are bound to.
+        motion: whose static parameters make the person.
+        pool: shares out the work.
+        degree: highest degree of the harmonics to use; None for all there are.
+        colours: (n, 3) to draw instead of the Gaussians' own.
+        turn_tolerance_rad: colours are used again until the view of some triangle has turned by more than this.
+
+    Raises:
+        HeadError: the motion has components or vertex offsets that the head lacks.
+        OptionError: the Gaussians have no harmonics of that degree, or there is not one colour for each of them.
+    """
+
+    def __init__(
+        self,
+        gaussians: Gaussians,
+        head: HeadModel,
+        motion: HeadMotion,
+        pool: Pool,
+        degree: int | None = None,
+        colours: Float[np.ndarray, "n 3"] | None = None,
+        turn_tolerance_rad: float = 0.0,
+    ) -> None:
+        if colours is not None and colours.shape != (len(gaussians), 3):
+            raise OptionError(f"colours have shape {colours.shape}, expected {(len(gaussians), 3)}")
+        if degree is not None and not 0 <= degree <= gaussians.sh_degree:
+            raise OptionError(f"harmonics of degree {degree} were asked for, expected 0 to {gaussians.sh_degree}")
+        gaussians.validate(head.n_faces)
+        opacities = sigmoid(gaussians.opacity_logit)
+        shown = np.flatnonzero(opacities >= ALPHA_MIN)
+        self._pool, self._posed = pool, PosedHead(head, motion, pool)
+        self._gaussians = gaussians = gaussians.select(shown)
+        self._opacities = opacities[shown]
+        with np.errstate(over="ignore"):  # a Gaussian without end is culled when it is drawn
+            self._scale = np.exp(gaussians.log_scale)
+        self._degree = gaussians.sh_degree if degree is None else degree
+        self._given_colours = None if colours is None else np.ascontiguousarray(colours[shown], np.float32)
+        self._bounds = block_bounds(len(gaussians), BLOCK, pool.threads)
+        self._world = room_for(len(gaussians))
+        self._colours = np.zeros((len(gaussians), 3), np.float32)
+        self._turn_tolerance = turn_tolerance_rad
+        self._coloured_from: tuple[np.ndarray, np.ndarray] | None = (
+            None  # origins of triangles and centre of the camera
+        )
+        self._origins = np.zeros((0, 3), np.float32)
+        self._posed_anew = True  # since the colours were looked at last
+
+    def __len__(self) -> int:
+        """Give the number of Gaussians that can be seen at all."""
+        return len(self._gaussians)
+
+    def pose(
+        self,
+        expression: Float[np.ndarray, " e"],
+        vectors: Float[np.ndarray, "5 3"],
+        translation: Float[np.ndarray, "3"],
+    ) -> None:
+        """Take a pose; arguments as of `PosedHead.pose`.
+
+        Raises:
+            GeometryError: it makes a triangle degenerate.
+        """
+        pose = self._posed.pose(expression, vectors, translation)
+        frames, gaussians, bounds = pose.frames, self._gaussians, self._bounds
+        self._origins, self._posed_anew = frames.origin, True
+
+        def job(_: int, k: int) -> None:
+            carry_range(
+                bounds[k], bounds[k + 1], gaussians.position, self._scale, gaussians.quaternion, gaussians.binding,
+                frames.rotation, frames.scale, frames.origin, pose.quaternions, *self._world,
+            )  # fmt: skip
+
+        self._pool.run(job, len(bounds) - 1)
+
+    def splats(self, centre: Float[np.ndarray, "3"]) -> Splats:
+        """Give what to draw in the last pose, seen from a place; the arrays hold until the next pose.
+
+        Args:
+            centre: (3,) where the camera stands, metres.
+        """
+        if self._given_colours is not None:
+            return Splats(*self._world, self._opacities, self._given_colours)
+        if self._colours_are_stale(centre):
+            self._colours = sh_colours(
+                self._gaussians.sh_dc, self._gaussians.sh_rest, self._world[0], centre, self._degree, self._pool
+            )
+            self._coloured_from = self._origins.copy(), centre.copy()
+        self._posed_anew = False
+        return Splats(*self._world, self._opacities, self._colours)
+
+    def _colours_are_stale(self, centre: Float[np.ndarray, "3"]) -> bool:
+        if self._coloured_from is None or self._degree == 0:
+            return self._coloured_from is None
+        if not self._posed_anew and np.array_equal(centre, self._coloured_from[1]):
+            return False
+        if self._turn_tolerance == 0:
+            return True
+        return math.sqrt(largest_turn(self._origins, centre, *self._coloured_from)) > self._turn_tolerance
