@@ -13,7 +13,7 @@ from typing import Any
 
 import constriction
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Int
 
 from sacha_core.codec import tokens as token_split
 from sacha_core.codec.reading import ByteReader
@@ -159,24 +159,36 @@ class SymbolReader:
         flat = contexts.reshape(-1)
         if flat.size and not self._tables:
             raise self._reader.error(f"{flat.size} symbols are due, but there is no table")
-        tokens = np.zeros(flat.size, np.int64)
         table_of = self._table_of[flat]
-        for table, model in enumerate(self._models):
-            mine: Bool[np.ndarray, " m"] = table_of == table
-            count = int(np.count_nonzero(mine))
+        order = np.argsort(
+            table_of.astype(np.uint8), kind="stable"
+        )  # by table, whose tokens lie together; 64 tables fit
+        by_table = np.zeros(flat.size, np.int64)
+        start = 0
+        for table, count in enumerate(np.bincount(table_of, minlength=len(self._models)).tolist()):
             if count:
                 first, grades = self._tables[table]
-                symbols = self._coder.decode(model, count)
+                symbols = self._coder.decode(self._models[table], count)
                 if symbols.max() >= len(grades):
                     raise self._reader.error(f"a token beyond the last of table {table}")
-                tokens[mine] = symbols + first
+                np.add(symbols, first, out=by_table[start : start + count])
+                start += count
+        values = np.empty(flat.size, np.int64)
+        values[order] = by_table
+        split = np.flatnonzero(np.abs(values) >= token_split.DIRECT)  # most values are a token alone
+        if len(split):
+            values[split] = self._joined(values[split])
+        return values.reshape(contexts.shape)
+
+    def _joined(self, tokens: Int[np.ndarray, " m"]) -> Int[np.ndarray, " m"]:
+        """Give the integers of tokens that raw bits follow."""
         lengths = token_split.raw_lengths(tokens)
         n_bits = int(lengths.sum())
         if self._bits_used + n_bits > len(self._bits):
             raise self._reader.error("the raw bits end too early")
         raw = token_split.unpack_bits(self._bits, self._bits_used, lengths)
         self._bits_used += n_bits
-        return token_split.join_tokens(tokens, raw).reshape(contexts.shape)
+        return token_split.join_tokens(tokens, raw)
 
     def check_end(self) -> None:
         """Check that every word and every raw bit was used.

@@ -28,6 +28,7 @@ EDGE_CONTEXT, GRADE_CONTEXT, CHOICE_CONTEXT = 0, 1, 2  # contexts of the adaptiv
 N_CONTEXTS = 3
 BITS_PER_GRADE = 2.5  # measured; only steers how many tables an encoder makes
 BITS_PER_TABLE = 16.0
+GRADES_PER_BYTE = 3  # roughly; only steers by which loops they are read
 
 
 def grades_of(counts: Int[np.ndarray, " a"]) -> Int[np.ndarray, " a"]:
@@ -68,7 +69,7 @@ def read_tables(
     Raises:
         FormatError: a table is missing, reaches beyond the alphabet, or has a grade beyond its range.
     """
-    coder = AdaptiveDecoder(data, N_CONTEXTS, offset=offset)
+    coder = AdaptiveDecoder(data, N_CONTEXTS, expected=GRADES_PER_BYTE * len(data), offset=offset)
     table_of = np.cumsum(coder.read(np.full(n_contexts, CHOICE_CONTEXT)))
     if table_of.min(initial=0) < 0 or table_of.max(initial=0) >= max(n_tables, 1):
         raise FormatError(f"a context uses a table outside 0 to {n_tables - 1}", offset)

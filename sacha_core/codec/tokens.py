@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int, UInt
 
-__all__ = ["MAX_TOKEN", "MAX_VALUE", "join_tokens", "pack_bits", "raw_lengths", "split_tokens", "unpack_bits"]
+__all__ = ["DIRECT", "MAX_TOKEN", "MAX_VALUE", "join_tokens", "pack_bits", "raw_lengths", "split_tokens", "unpack_bits"]
 
 DIRECT = 16
 MANTISSA_BITS = 2
