@@ -53,21 +53,18 @@ class Times:
             name: of what was timed, such as `forward`.
 
         Returns:
-            Milliseconds: of wall time `NAME_ms` (median), `NAME_min_ms`, `NAME_q1_ms` and `NAME_q3_ms` (quartiles); of processor time
-            `NAME_busy_ms` (median).
+            Milliseconds: of wall time `NAME_ms` (median), `NAME_min_ms`, `NAME_q1_ms` and `NAME_q3_ms` (quartiles, left out where there
+            were too few rounds); of processor time `NAME_busy_ms` (median).
         """
         low, middle, high = (1e3 * float(q) for q in np.quantile(self.wall_s, (0.25, 0.5, 0.75)))
-        return {
-            f"{name}_ms": middle,
-            f"{name}_min_ms": 1e3 * float(self.wall_s.min()),
-            f"{name}_q1_ms": low,
-            f"{name}_q3_ms": high,
-            f"{name}_busy_ms": 1e3 * float(np.median(self.busy_s)),
-        }
+        found = {f"{name}_ms": middle, f"{name}_min_ms": 1e3 * float(self.wall_s.min())}
+        if len(self.wall_s) >= LEAST_ROUNDS:
+            found |= {f"{name}_q1_ms": low, f"{name}_q3_ms": high}
+        return found | {f"{name}_busy_ms": 1e3 * float(np.median(self.busy_s))}
 
-    def __sub__(self, part: Times) -> Times:
-        """Give what the rest took, round by round, where each of these rounds includes one of `part`; not below zero."""
-        return Times(np.maximum(self.wall_s - part.wall_s, 0), np.maximum(self.busy_s - part.busy_s, 0))
+    def __add__(self, other: Times) -> Times:
+        """Give what both took together, round by round."""
+        return Times(self.wall_s + other.wall_s, self.busy_s + other.busy_s)
 
 
 def interleave(
@@ -75,15 +72,17 @@ def interleave(
     rounds: int = 9,
     budget_s: float = float("inf"),
     warm_up: int = 1,
+    least: int = LEAST_ROUNDS,
     clock: Clock | None = None,
 ) -> dict[K, Times]:
     """Time every candidate once a round, beginning each round with another one.
 
     Args:
         candidates: what to call, without arguments.
-        rounds: how many rounds, at least three.
-        budget_s: no further round begins after so many seconds, but three are always run.
+        rounds: how many rounds, unless time runs out.
+        budget_s: no further round begins after so many seconds.
         warm_up: calls of each candidate before the first round, not timed: compiling, and memory touched for the first time.
+        least: rounds that are run however long they take; with fewer than three there are no quartiles.
         clock: what tells the time.
 
     Returns:
@@ -96,8 +95,8 @@ def interleave(
             candidates[name]()
     times: dict[K, list[tuple[float, float]]] = {name: [] for name in names}
     begun = clock.wall()
-    for k in range(max(rounds, LEAST_ROUNDS)):
-        if k >= LEAST_ROUNDS and clock.wall() - begun >= budget_s:
+    for k in range(max(rounds, least)):
+        if k >= least and clock.wall() - begun >= budget_s:
             break
         first = k % max(len(names), 1)
         for name in names[first:] + names[:first]:

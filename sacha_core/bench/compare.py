@@ -12,14 +12,14 @@ from sacha_core.bench.store import Record
 
 __all__ = ["compare_runs", "comparison"]
 
-SUFFIXES = ("_min_ms", "_q1_ms", "_q3_ms", "_busy_ms")
+SPREAD = ("_min_ms", "_q1_ms", "_q3_ms", "_busy_ms")  # of a time, not times of their own
 
 
 def compare_runs(first: Mapping[str, Record], second: Mapping[str, Record]) -> list[Row]:
     """Set the rows that two runs have in common side by side.
 
-    Times with quartiles agree where the ranges between the quartiles of both runs meet. All else in rows that have such times apart from
-    them - errors, bytes, PSNR - does not depend on how fast the machine is, and agrees where it is the same number.
+    Times agree where the ranges between the quartiles of both runs meet. Errors, bytes, PSNR do not depend on how fast the machine is, and
+    agree where they are the same number.
 
     Args:
         first: benches by name.
@@ -57,7 +57,7 @@ def comparison(rows: list[Row]) -> Bench:
     notes = [f"{len(times)} times compared, {len(others)} other figures differ."]
     if times:
         ratios = np.array([row["ratio"] for row in times])
-        apart = sum(not row["agree"] for row in times)
+        apart = sum(row["agree"] is False for row in times)
         low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
         notes.append(
             f"Second over first: median {middle:.2f}, nine tenths between {low:.2f} and {high:.2f}; "
@@ -79,16 +79,21 @@ def _compared(about: Row, table: Table, row: Row, other: Row) -> list[Row]:
     found: list[Row] = []
     for key, value in row.items():
         pair = {**about, "figure": key, "first": value, "second": other.get(key)}
-        stem = key.removesuffix("_ms")
-        if f"{stem}_q1_ms" in row and f"{stem}_q3_ms" in row and f"{stem}_q1_ms" in other:
-            meet = row[f"{stem}_q1_ms"] <= other[f"{stem}_q3_ms"] and other[f"{stem}_q1_ms"] <= row[f"{stem}_q3_ms"]
-            ratio = other[key] / value if value else float("nan")
-            found.append({"table": "times", **pair, "ratio": ratio, "agree": meet})
-        elif _is_timing(key) or key in table.identity or value == other.get(key):
-            continue
-        else:
+        if key.endswith("_ms") and not key.endswith(SPREAD):
+            if value and other.get(key):
+                found.append({"table": "times", **pair, "ratio": other[key] / value, "agree": _meet(key, row, other)})
+        elif not _is_timing(key) and key not in table.identity and value != other.get(key):
             found.append({"table": "figures", **pair})
     return found
+
+
+def _meet(key: str, row: Row, other: Row) -> bool | None:
+    """Tell whether the ranges between the quartiles of two times meet; None where there are no quartiles."""
+    stem = key.removesuffix("_ms")
+    low, high = f"{stem}_q1_ms", f"{stem}_q3_ms"
+    if not all(end in one for end in (low, high) for one in (row, other)):
+        return None
+    return bool(row[low] <= other[high] and other[low] <= row[high])
 
 
 def _is_timing(key: str) -> bool:

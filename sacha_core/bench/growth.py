@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["LARGEST", "Growth", "fit_growth", "growth_rows"]
+from sacha_core.bench.result import Column, Row, Table
+
+__all__ = ["LARGEST", "Growth", "fit_growth", "growth_rows", "growth_table"]
 
 LARGEST = 3  # sizes that the exponent of large work is taken from: on small ones what does not grow weighs in
 
@@ -59,25 +61,44 @@ def fit_growth(sizes: Sequence[float], costs: Sequence[float]) -> Growth:
     return Growth(float(np.exp(offset)), exponent, error, len(x))
 
 
-def growth_rows(
-    table: str, of: str, what: str, sizes: Sequence[float], costs: Sequence[float]
-) -> list[dict[str, object]]:
-    """Give rows of a table of exponents: over all sizes, and over the largest alone.
+def growth_table(what: str) -> Table:
+    """Give the table in which `growth_rows` are set.
 
     Args:
-        table: name of the table.
+        what: what the sizes count, such as `Gaussians`.
+    """
+    caption = (
+        f"How time grows with {what}: the exponent of a power law (1: in proportion), fitted to all sizes; to the largest; and to the "
+        "largest with the time of the smallest taken off, which leaves what growth itself costs."
+    )
+    columns = (
+        Column("of", "time of"), Column("size", "by"), Column("fitted", "fitted to"), Column("from", "from"), Column("to", "to"),
+        Column("exponent", "exponent", 2), Column("standard_error", "standard error", 2),
+    )  # fmt: skip
+    return Table("growth", caption, columns, ("of", "size", "fitted"))
+
+
+def growth_rows(of: str, size: str, sizes: Sequence[float], costs: Sequence[float]) -> list[Row]:
+    """Give rows of fitted exponents.
+
+    Args:
         of: what was timed.
-        what: what the size counts, such as `Gaussians`.
+        size: what the sizes count, such as `Gaussians`.
         sizes: at least two different values, in ascending order.
         costs: one for each size.
     """
-    rows: list[dict[str, object]] = []
-    for last in sorted({len(sizes), min(LARGEST, len(sizes))}, reverse=True):
-        fitted = fit_growth(sizes[-last:], costs[-last:])
+    x, y = np.asarray(sizes, float), np.asarray(costs, float)
+    last = slice(-min(LARGEST, len(x)), None)
+    beyond_x, beyond_y = x[1:][last] - x[0], y[1:][last] - y[0]
+    fits = {"all": (x, y), "the largest": (x[last], y[last]), "the largest, less the smallest": (beyond_x, beyond_y)}
+    rows: list[Row] = []
+    for fitted, (some_x, some_y) in fits.items():
+        if len(some_x) < 2 or not (some_y > 0).all():  # noise, where growth costs less than it
+            continue
+        growth = fit_growth(some_x.tolist(), some_y.tolist())
+        ends = sizes[-len(some_x)], sizes[-1]
         rows.append(
-            {
-                "table": table, "of": of, "size": what, "from": sizes[-last], "to": sizes[-1],
-                "exponent": fitted.exponent, "standard_error": fitted.standard_error, "n_sizes": fitted.n_sizes,
-            }
+            {"table": "growth", "of": of, "size": size, "fitted": fitted, "from": ends[0], "to": ends[1],
+             "exponent": growth.exponent, "standard_error": growth.standard_error, "n_sizes": growth.n_sizes}
         )  # fmt: skip
     return rows

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
 
 __all__ = ["Bench", "Column", "Panel", "Row", "Table"]
@@ -52,7 +52,7 @@ class Panel:
         title: what is seen.
         table: which rows; those without `x` or `y` are left out.
         x: key along the abscissa.
-        y: key along the ordinate.
+        y: key along the ordinate, or several: key to its name in the legend.
         x_label: with the unit.
         y_label: with the unit.
         series: key whose values each get a colour and a line; None for one colour.
@@ -60,13 +60,13 @@ class Panel:
         log_x: logarithmic abscissa. Zeros, which have no logarithm, lie on a line of their own at the edge.
         log_y: logarithmic ordinate.
         joined: whether points of a series are joined by a line.
-        growth: whether each series' legend gives the fitted exponent.
+        growth: whether each series' legend gives the exponent fitted to its largest sizes.
     """
 
     title: str
     table: str
     x: str
-    y: str
+    y: str | dict[str, str]
     x_label: str
     y_label: str
     series: str | None = None
@@ -75,6 +75,11 @@ class Panel:
     log_y: bool = True
     joined: bool = True
     growth: bool = False
+
+    @property
+    def ordinates(self) -> dict[str, str]:
+        """Keys along the ordinate and their names in the legend."""
+        return {self.y: ""} if isinstance(self.y, str) else self.y
 
 
 @dataclass(frozen=True)
@@ -86,19 +91,21 @@ class Bench:
         tables: in the order to be read.
         panels: of its picture; none for a bench without one.
         notes: what a reader has to know, a sentence or two each.
+        broken: names of what must hold and does not; the command then ends with exit status 1.
     """
 
     rows: list[Row]
     tables: tuple[Table, ...]
     panels: tuple[Panel, ...] = ()
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
+    broken: tuple[str, ...] = ()
 
     def of(self, table: Table | Panel) -> list[Row]:
         """Give the rows of a table, or those that a panel shows."""
         if isinstance(table, Table):
             return [row for row in self.rows if row["table"] == table.name]
-        shown = [row for row in self.rows if row["table"] == table.table]
-        return [row for row in shown if row.get(table.x) is not None and row.get(table.y) is not None]
+        shown = [row for row in self.rows if row["table"] == table.table and row.get(table.x) is not None]
+        return [row for row in shown if any(row.get(key) is not None for key in table.ordinates)]
 
     def record(self) -> dict[str, Any]:
         """Give everything as plain values, from which `from_record` makes it anew."""
@@ -115,4 +122,10 @@ class Bench:
             Table(**{**one, "columns": tuple(Column(**c) for c in one["columns"]), "identity": tuple(one["identity"])})
             for one in record["tables"]
         )
-        return cls(record["rows"], tables, tuple(Panel(**p) for p in record["panels"]), tuple(record["notes"]))
+        return cls(
+            record["rows"],
+            tables,
+            tuple(Panel(**p) for p in record["panels"]),
+            tuple(record["notes"]),
+            tuple(record["broken"]),
+        )

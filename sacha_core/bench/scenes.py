@@ -17,7 +17,7 @@ from sacha_core.raster.camera import Camera
 from sacha_core.raster.splats import Splats
 from sacha_core.synthesis.sequences import perform
 
-__all__ = ["front_camera", "head_shell", "made_avatar", "made_head", "made_motion"]
+__all__ = ["cameras_around", "front_camera", "head_shell", "made_avatar", "made_head", "made_motion"]
 
 RADII = np.array([0.075, 0.11, 0.095])  # metres
 FOCAL = 2050.0  # pixels at a height of 802: the head fills two thirds of it
@@ -48,6 +48,23 @@ def front_camera(width: int, height: int) -> Camera:
     """Give a camera a metre before the face."""
     focal = FOCAL * height / 802
     return Camera.look_at(np.array([0.15, 0.05, 0.99]), np.zeros(3), width, height, focal)
+
+
+def cameras_around(vertices: Float[np.ndarray, "v 3"], count: int, width: int, height: int) -> list[Camera]:
+    """Give cameras a metre from the middle of a head, evenly round it from the front on, each with the whole head in its image.
+
+    Args:
+        vertices: of the posed head, metres.
+        count: of cameras.
+        width: of the image, pixels.
+        height: likewise.
+    """
+    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    radius = float(np.linalg.norm(vertices - middle, axis=1).max())
+    focal = 0.5 * min(width, height) * np.sqrt(1 - radius**2) / radius if radius < 1 else 0.5 * min(width, height)
+    angles = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    eyes = middle + np.stack([np.sin(angles), np.full(count, 0.1), np.cos(angles)], 1)
+    return [Camera.look_at(eye, middle, width, height, float(focal)) for eye in eyes]
 
 
 @lru_cache(maxsize=1)

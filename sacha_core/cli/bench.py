@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -171,6 +172,8 @@ def tell(record: Record, console: Console) -> None:
             console.say(table(*cells(one, rows)) + "\n")
     for note in record.bench.notes:
         console.say(f"- {note}")
+    for name in record.bench.broken:
+        sys.stderr.write(f"sacha bench {record.name}: {name} does not hold\n")
 
 
 def run_all(options: Options, console: Console) -> dict[str, Any]:
@@ -185,6 +188,7 @@ def run_all(options: Options, console: Console) -> dict[str, Any]:
 
     folder, chosen = options.out or FOLDER, preset(options)
     records, left_out = {}, {}
+    broken: list[str] = []
     for name in BENCHES:
         try:
             record = run_one(name, chosen, console)
@@ -195,11 +199,15 @@ def run_all(options: Options, console: Console) -> dict[str, Any]:
         records[name] = record
         write_bench(record, folder)
         console.say(f"{name:10} {record.seconds:6.1f} s  {folder / name}.md")
+        broken += [f"{name}: {what}" for what in record.bench.broken]
     if not records:
         raise OptionError("; ".join(left_out.values()))
     write_index(records, folder)
     console.wrote("page", folder / "index.md")
-    return {"folder": folder, "seconds_of": {name: r.seconds for name, r in records.items()}, "left_out": left_out}
+    for what in broken:
+        sys.stderr.write(f"sacha bench {what} does not hold\n")
+    seconds = {name: record.seconds for name, record in records.items()}
+    return {"folder": folder, "seconds_of": seconds, "left_out": left_out, "broken": broken}
 
 
 def compare(options: Options, console: Console) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from sacha_core.errors import OptionError, SachaError
 
 __all__ = ["EXIT_BAD_INPUT", "EXIT_INTERRUPTED", "boxed", "main", "one_line"]
 
+EXIT_BROKEN = 1
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 
@@ -46,7 +47,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: the arguments after the program's name; those of this process where None.
 
     Returns:
-        The exit status: 0 done, 2 bad input (one line on stderr says what), 130 interrupted. A bug raises.
+        The exit status: 0 done, 1 done but something that must hold does not (its report's "broken" names it), 2 bad input (one line on
+        stderr says what), 130 interrupted. A bug raises.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     if argv is None:
@@ -110,7 +112,7 @@ def _run(name: str, arguments: list[str]) -> int:
             write_report(options.common.json, {"command": name, "seconds": seconds, **found})
             console.say(f"report       {options.common.json}")
     sys.stdout.flush()
-    return 0
+    return EXIT_BROKEN if found.get("broken") else 0
 
 
 @contextmanager

@@ -1,0 +1,201 @@
+"""The bench of the codec: levels against bytes, picture and time, and how time grows with Gaussians and frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+from jaxtyping import Float
+
+from sacha_core.avatar.avatar import Avatar
+from sacha_core.bench.clock import LEAST_ROUNDS, Times, interleave
+from sacha_core.bench.growth import growth_rows, growth_table
+from sacha_core.bench.preset import Preset
+from sacha_core.bench.result import Bench, Column, Panel, Row, Table
+from sacha_core.bench.scenes import cameras_around, made_avatar
+from sacha_core.codec import decode, encode, inspect
+from sacha_core.codec.levels import LEVELS
+from sacha_core.errors import OptionError
+from sacha_core.flame.model import HeadModel
+from sacha_core.flame.posing import Poser
+from sacha_core.geometry.triangle import triangle_frames
+from sacha_core.perception.psnr import psnr
+from sacha_core.progress import Progress, Report
+from sacha_core.raster.camera import Camera
+from sacha_core.raster.rasteriser import Rasteriser
+from sacha_core.raster.scene import Picture, render_avatar
+
+__all__ = ["TITLE", "measure", "own_pixels_psnr"]
+
+TITLE = "Codec: level against bytes, picture and time"
+KB = 1000
+DEFAULT_LEVEL = 2
+ONCE = 500_000  # Gaussians from which the quick preset times a single round
+SEEN = 1 / 255  # coverage from which a pixel is the avatar's
+
+TIMES = (Column("encode_ms", "encode, ms"), Column("decode_ms", "decode, ms"))
+LEVELS_TABLE = Table(
+    "levels",
+    "An avatar of this many Gaussians and frames at each level; PSNR of decoded against uncompressed, Gaussians and motion both, "
+    "over the avatar's own pixels.",
+    (Column("level", "level"), Column("n", "Gaussians"), Column("frames", "frames"), *TIMES, Column("gaussians_kb", "Gaussians, KB"),
+     Column("motion_kb", "motion, KB"), Column("motion_bytes_per_frame", "bytes a frame", 1), Column("total_kb", "file, KB"),
+     Column("psnr", "PSNR, dB", 2), Column("lowest_psnr", "worst picture, dB", 2)),
+    ("level", "n", "frames"),
+)  # fmt: skip
+GAUSSIANS = Table(
+    "gaussians", f"Level {DEFAULT_LEVEL} by number of Gaussians (SH degree 3), one frame.",
+    (Column("n", "Gaussians"), *TIMES, Column("total_kb", "file, KB")), ("n",),
+)  # fmt: skip
+FRAMES = Table(
+    "frames", f"Level {DEFAULT_LEVEL} by number of frames.",
+    (Column("frames", "frames"), Column("n", "Gaussians"), *TIMES, Column("total_kb", "file, KB")), ("frames", "n"),
+)  # fmt: skip
+GROWTH = growth_table("Gaussians and frames")
+
+
+def measure(preset: Preset, report: Report) -> Bench:
+    """Measure the levels on the avatar that was named or a made one, and growth on made ones.
+
+    Raises:
+        OptionError: the named avatar has no motion.
+    """
+    if preset.subject is None:
+        avatar, head = made_avatar(preset.of(400, 20_000, 50_000), n_frames=preset.of(3, 100, 500))
+        named = "a made avatar on the synthetic head: painted skin, sizes and harmonics spread as a trained avatar's"
+    else:
+        avatar, head, named = preset.subject.avatar, preset.subject.head, str(preset.subject.path)
+        if avatar.motion is None:
+            raise OptionError(f"{preset.subject.path} has no motion, which the codec bench needs; name one that has")
+    stages: list[Callable[[], list[Row]]] = [
+        partial(level_rows, avatar, head, preset), partial(gaussian_rows, preset), partial(frame_rows, preset)
+    ]  # fmt: skip
+    rows: list[Row] = []
+    for done, stage in enumerate(stages):
+        report(Progress("bench codec", done, len(stages)))
+        rows += stage()
+    report(Progress("bench codec", len(stages), len(stages)))
+    return Bench(rows, (LEVELS_TABLE, GAUSSIANS, FRAMES, GROWTH), panels(), notes(named))
+
+
+def level_rows(avatar: Avatar, head: HeadModel, preset: Preset) -> list[Row]:
+    """Time every level and compare the pictures."""
+    files = {level: encode(avatar, level, head=head) for level in LEVELS}
+    coded = coding({level: (avatar, head, level) for level in LEVELS}, preset.of(3, 7, 15), preset.of(1, 25, 120))
+    motion = avatar.motion
+    assert motion is not None
+    frames = np.unique(np.linspace(0, len(motion) - 1, preset.of(1, 3, 6)).astype(int)).tolist()
+    size, n_cameras = preset.of((40, 60), (275, 401), (550, 802)), preset.of(2, 4, 16)
+    cameras = cameras_around(Poser(head, motion)(0), n_cameras, *size)
+    rasteriser = Rasteriser(preset.threads)
+    before = pictures(avatar, head, frames, cameras, rasteriser)
+    rows: list[Row] = []
+    for level, data in files.items():
+        after = pictures(decode(data, head=head), head, frames, cameras, rasteriser)
+        ratios = [own_pixels_psnr(one, other) for one, other in zip(before, after, strict=True)]
+        found, (encoding, decoding) = inspect(data), coded[level]
+        rows.append(
+            {"table": "levels", "level": level, "n": len(avatar.gaussians), "frames": len(motion), "name": f"level {level}",
+             **encoding.row("encode"), **decoding.row("decode"), "gaussians_kb": found.gaussian_bytes / KB,
+             "motion_kb": found.motion_bytes / KB, "motion_bytes_per_frame": found.dynamic_bytes_per_frame,
+             "total_kb": len(data) / KB, "psnr": float(np.mean(ratios)), "lowest_psnr": min(ratios), "pictures": len(ratios)}
+        )  # fmt: skip
+    return rows
+
+
+def gaussian_rows(preset: Preset) -> list[Row]:
+    """Time growth with Gaussians."""
+    counts = preset.of((100, 200, 400), (1000, 10_000, 100_000, 1_000_000),
+                       (1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000))  # fmt: skip
+    work = {n: (*made_avatar(n, n_frames=1), DEFAULT_LEVEL) for n in counts}
+    return grown("gaussians", "n", work, preset, {"frames": 1})
+
+
+def frame_rows(preset: Preset) -> list[Row]:
+    """Time growth with frames."""
+    counts = preset.of((1, 3, 9), (1, 10, 100, 1000, 10_000), (1, 3, 10, 30, 100, 300, 1000, 3000, 10_000))
+    n = preset.of(100, 1000, 1000)
+    work = {frames: (*made_avatar(n, n_frames=frames), DEFAULT_LEVEL) for frames in counts}
+    return grown("frames", "frames", work, preset, {"n": n})
+
+
+Work = tuple[Avatar, HeadModel, int]
+
+
+def grown(table: str, size: str, work: dict[int, Work], preset: Preset, fixed: Row) -> list[Row]:
+    """Time encoding and decoding of growing work, and fit the exponents."""
+    usual = {n: one for n, one in work.items() if len(one[0].gaussians) < ONCE}
+    coded = coding(usual, rounds=preset.of(3, 5, 7), budget_s=preset.of(1, 15, 120))
+    coded |= coding({n: work[n] for n in work.keys() - usual.keys()}, rounds=1, least=preset.of(1, 1, 3))
+    rows: list[Row] = []
+    for n, (encoding, decoding) in coded.items():
+        avatar, head, level = work[n]
+        kilobytes = len(encode(avatar, level, head=head)) / KB
+        rows.append(
+            {
+                "table": table,
+                size: n,
+                **fixed,
+                **encoding.row("encode"),
+                **decoding.row("decode"),
+                "total_kb": kilobytes,
+            }
+        )
+    names = {"n": "Gaussians", "frames": "frames"}
+    for of in ("encode", "decode"):
+        rows += growth_rows(of, names[size], list(work), [row[f"{of}_ms"] for row in rows if row["table"] == table])
+    return rows
+
+
+def coding(
+    work: dict[int, Work], rounds: int, budget_s: float = float("inf"), least: int = LEAST_ROUNDS
+) -> dict[int, tuple[Times, Times]]:
+    """Time encoding and decoding of several avatars turn by turn."""
+    tasks: dict[tuple[str, int], Callable[[], object]] = {}
+    for key, (avatar, head, level) in work.items():
+        tasks["encode", key] = partial(encode, avatar, level, head=head)
+        tasks["decode", key] = partial(decode, encode(avatar, level, head=head), head=head)
+    if work:
+        tasks["decode", min(work)]()  # the encoding above has compiled all the rest
+    times = interleave(tasks, rounds, budget_s, warm_up=0, least=least)
+    return {key: (times["encode", key], times["decode", key]) for key in work}
+
+
+def pictures(
+    avatar: Avatar, head: HeadModel, frames: Sequence[int], cameras: Sequence[Camera], rasteriser: Rasteriser
+) -> list[Picture]:
+    """Draw some frames of an avatar as each camera sees them."""
+    assert avatar.motion is not None
+    pose = Poser(head, avatar.motion)
+    drawn = []
+    for frame in frames:
+        posed = triangle_frames(pose(frame), head.faces)
+        drawn += [render_avatar(avatar.gaussians, posed, camera, rasteriser=rasteriser) for camera in cameras]
+    return drawn
+
+
+def own_pixels_psnr(before: Picture, after: Picture) -> float:
+    """Give PSNR over the pixels that the avatar covers in either picture, decibels: the empty background would flatter it."""
+    own = (before.alpha > SEEN) | (after.alpha > SEEN)
+    one: Float[np.ndarray, "1 p 3"] = before.colour[own][None]
+    return psnr(after.colour[own][None], one)
+
+
+def panels() -> tuple[Panel, ...]:
+    """Give the picture's panels."""
+    both = {"encode_ms": "encode", "decode_ms": "decode"}
+    return (
+        Panel("Bytes against picture", "levels", "total_kb", "psnr", "file, KB", "PSNR, dB", label="name", log_x=False, log_y=False),
+        Panel("Time of each level", "levels", "level", both, "level", "ms", log_x=False, log_y=False),
+        Panel(f"Growth with Gaussians, level {DEFAULT_LEVEL}", "gaussians", "n", both, "Gaussians", "ms", growth=True),
+        Panel(f"Growth with frames, level {DEFAULT_LEVEL}", "frames", "frames", both, "frames", "ms", growth=True),
+    )  # fmt: skip
+
+
+def notes(named: str) -> tuple[str, ...]:
+    """Give what a reader has to know."""
+    return (
+        f"The levels are measured on {named}; KB are 1000 bytes, without the head. Growth is measured on made avatars.",
+        "Encoding and decoding run on one thread. Medians of interleaved rounds; a million Gaussians in the quick preset once.",
+    )
