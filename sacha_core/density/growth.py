@@ -34,7 +34,7 @@ def growth(
     scales_world: Float[np.ndarray, "n 3"],
     largest_clone: float,
 ) -> Growth:
-    """Decide which Gaussians are cloned and which are split.
+    """Decide which Gaussians are cloned and which are split; one without a finite size does neither, as its children would lie nowhere.
 
     Args:
         gradient: (n,) mean length of the gradient of the mean's place in the image, in normalised device units.
@@ -44,8 +44,9 @@ def growth(
 
     Source: Kerbl et al., 3D Gaussian Splatting, 2023, section 5.2; thresholds by region: SACHA.
     """
-    grows = gradient >= threshold
-    small = scales_world.max(axis=1) <= largest_clone
+    largest = scales_world.max(axis=1, initial=0)
+    grows = (gradient >= threshold) & np.isfinite(largest)
+    small = largest <= largest_clone
     return Growth(grows & small, grows & ~small)
 
 

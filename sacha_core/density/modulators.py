@@ -9,7 +9,9 @@ from sacha_core.density.region_means import RegionMeans
 
 __all__ = ["bounded", "modulators"]
 
-SMALLEST_MEAN = 1e-6  # a sigmoid never gives 0; this keeps a region of vanishing sensitivity finite
+SMALLEST_MEAN = (
+    1e-6  # a sigmoid gives 0 where float32 ends; this keeps a region of vanishing sensitivity finite, and above 0
+)
 
 
 def modulators(means: RegionMeans) -> Float[np.ndarray, " r"]:
@@ -21,8 +23,8 @@ def modulators(means: RegionMeans) -> Float[np.ndarray, " r"]:
     Source: SACHA, section on semantic-aware density control, equation 8.
     """
     known = np.isfinite(means.region)
-    ratio = means.overall / np.maximum(means.region, SMALLEST_MEAN, where=known, out=np.ones_like(means.region))
-    return np.where(known, ratio, 1.0)
+    region = np.maximum(means.region, SMALLEST_MEAN, where=known, out=np.ones_like(means.region))
+    return np.where(known, max(means.overall, SMALLEST_MEAN) / region, 1.0)
 
 
 def bounded(base: float, modulator: Float[np.ndarray, " r"], lowest: float, highest: float) -> Float[np.ndarray, " r"]:

@@ -45,12 +45,15 @@ def region_means(
     Source: SACHA, equation 8 (plain); the weights are our own.
     """
     factor = np.ones(len(regions)) if weights is None else np.asarray(weights, np.float64)
-    value = sensitivity * factor
+    least = float(
+        np.min(sensitivity, initial=1.0)
+    )  # means are taken from there on, so that equal sensitivities have equal means to the bit
+    value = (sensitivity - least) * factor
     totals = np.bincount(regions, factor, n_regions)
     sums = np.bincount(regions, value, n_regions)
     overall_total = float(factor.sum())
     return RegionMeans(
-        region=np.divide(sums, totals, out=np.full(n_regions, np.nan), where=totals > 0),
-        overall=float(value.sum()) / overall_total if overall_total > 0 else float("nan"),
+        region=least + np.divide(sums, totals, out=np.full(n_regions, np.nan), where=totals > 0),
+        overall=least + float(value.sum()) / overall_total if overall_total > 0 else float("nan"),
         counts=np.bincount(regions, minlength=n_regions),
     )

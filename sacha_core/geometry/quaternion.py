@@ -11,9 +11,10 @@ SMALLEST_NORM = 1e-12  # below it a quaternion has no direction; dividing by thi
 
 
 def normalise(q: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch 4"]:
-    """Give quaternions of unit length and the same direction; one of length zero stays zero."""
-    length = np.sqrt(np.einsum("...i,...i->...", q, q))
-    unit: np.ndarray = q / np.maximum(length, q.dtype.type(SMALLEST_NORM))[..., None]
+    """Give quaternions of unit length and the same direction; one of length zero stays zero, one that is not finite is none after it."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.sqrt(np.einsum("...i,...i->...", q, q))
+        unit: np.ndarray = q / np.maximum(length, q.dtype.type(SMALLEST_NORM))[..., None]
     return unit
 
 

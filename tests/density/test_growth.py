@@ -21,6 +21,14 @@ def test_who_grows_and_how() -> None:
     assert grown.split.tolist() == [False, False, True, False, True]
 
 
+@pytest.mark.parametrize("poison", [np.inf, np.nan])
+def test_what_has_no_finite_size_does_not_grow(poison: float) -> None:
+    scales = np.array([[1, 1, 1], [1, poison, 1], [1, 1.5, 1]])
+    grown = growth(np.full(3, 5.0), np.ones(3), scales, 1.0)
+    assert grown.clone.tolist() == [True, False, False]
+    assert grown.split.tolist() == [False, False, True]
+
+
 def children(spread: str):
     rng = np.random.default_rng(0)
     position = np.tile(np.float32([0.1, -0.2, 0.3]), (SAMPLES, 1))

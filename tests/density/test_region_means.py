@@ -48,9 +48,11 @@ def test_modulators_balance(population) -> None:
     assert np.sum(means.counts / modulators(means)) == pytest.approx(len(regions), rel=ROUNDING)
 
 
-def test_equal_sensitivities_modulate_nothing() -> None:
-    means = region_means(np.full(30, 0.37), np.arange(30) % 5, 8)
-    assert modulators(means) == pytest.approx(np.ones(8), rel=ROUNDING)
+@pytest.mark.parametrize("sensitivity", [0.37, 0.0, 1e-9, 1.0])
+@pytest.mark.parametrize("weights", [None, np.random.default_rng(0).random(30)])
+def test_equal_sensitivities_modulate_nothing(sensitivity, weights) -> None:
+    means = region_means(np.full(30, sensitivity), np.arange(30) % 5, 8, weights)
+    assert np.array_equal(modulators(means), np.ones(8))
 
 
 def test_no_gaussians_and_no_weight_modulate_nothing() -> None:
@@ -60,9 +62,11 @@ def test_no_gaussians_and_no_weight_modulate_nothing() -> None:
     assert np.array_equal(modulators(unseen), np.ones(8))
 
 
-def test_a_vanishing_mean_stays_finite() -> None:
-    means = region_means(np.array([0.0, 0.5]), np.array([0, 1]), 2)
-    assert np.isfinite(modulators(means)).all()
+def test_a_vanishing_mean_stays_finite_and_above_0() -> None:
+    for sensitivity in ([0.0, 0.5], [0.0, 1e-12], [1e-30, 1.0]):
+        modulator = modulators(region_means(np.array(sensitivity), np.array([0, 1]), 2))
+        assert np.isfinite(modulator).all()
+        assert (modulator > 0).all()
 
 
 @given(st.lists(st.floats(0.01, 100), min_size=2, max_size=8))

@@ -116,7 +116,7 @@ def hold_to_exact(
         findings: where to note it.
         splats: n Gaussians with four channels.
         camera: from where.
-        pixel: by how much a pixel outside the band may differ.
+        pixel: by how much a pixel outside the band may differ, for colours up to 1.
         gradient: by how much a gradient may, relative to the largest of its kind.
         band: relative distance from a threshold within which float32 may decide otherwise.
     """
@@ -128,9 +128,9 @@ def hold_to_exact(
     shipped = drawn(splats, camera, upstream)
     error = np.abs(shipped.arrays["image"] - exact.image.detach().numpy()).max(axis=0)
     error = np.maximum(error, np.abs(shipped.arrays["transmittance"] - exact.transmittance.detach().numpy()))
-    findings.below("pixel error", error[calm].max(initial=0), pixel)
+    largest = float(np.abs(splats.colours[shipped.visible]).max(initial=1))
+    findings.below("pixel error", error[calm].max(initial=0), pixel * largest)
     if not calm.all():
-        largest = max(float(np.abs(splats.colours[shipped.visible]).max(initial=1)), 1.0)
         findings.below("in the boundary band", error[~calm].max(initial=0), FLIP * largest)
     (exact.image * torch.from_numpy(upstream)).sum().backward()  # type: ignore[no-untyped-call]
     expected = {name: np.zeros(leaf.shape) if leaf.grad is None else leaf.grad.numpy() for name, leaf in leaves.items()}

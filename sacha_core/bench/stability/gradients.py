@@ -19,9 +19,9 @@ from torch import Tensor
 from sacha_core.bench.stability.case import Case, Findings
 from sacha_core.bench.stability.chain import DEGREE, Chain, chain
 from sacha_core.bench.stability.exact_step import ExactLoss, step_leaves
-from sacha_core.raster.pool import Pool
+from sacha_core.train.cpu_engine import CpuEngine
+from sacha_core.train.options import TrainOptions
 from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION
-from sacha_core.train.step import Stage
 
 __all__ = ["cases"]
 
@@ -118,9 +118,7 @@ def _slope_error(judged: Judged, name: str, whole: bool) -> float:
 
 def _shipped(made: Chain) -> tuple[dict[str, Float[np.ndarray, "..."]], float]:
     """Give the gradients by which training steps, and the loss that it reports."""
-    stage = Stage(made.head, made.motion, made.weights, Pool(1))
-    target = made.target
-    drawing = stage.draw(made.state, target.timestep, target.camera, DEGREE, target.box)
-    outcome = stage.judge(made.state, drawing, target, DEGREE)
-    motion = {name: rows[target.timestep].copy() for name, rows in outcome.motion_gradients.items()}
-    return {**{name: g.copy() for name, g in outcome.gradients.items()}, **motion}, outcome.losses["total"]
+    engine = CpuEngine(made.head, made.motion, TrainOptions(losses=made.weights, threads=1))
+    engine.put(made.state)
+    engine.differentiate(1, [made.target], DEGREE)
+    return engine.gradients(), engine.losses()["total"]

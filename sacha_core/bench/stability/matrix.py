@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Protocol
 
-from sacha_core.bench.stability import gradients, raster, triangles
+from sacha_core.bench.stability import avatar, gradients, posing, raster, regions, triangles
 from sacha_core.bench.stability.case import Case
 
 __all__ = ["FAMILIES", "Family"]
@@ -20,6 +20,9 @@ class Family(Protocol):
 
 FAMILIES: dict[str, Family] = {
     "raster": raster.cases,
+    "avatar": avatar.cases,
     "triangles": triangles.cases,
+    "posing": posing.cases,
+    "regions": regions.cases,
     "gradients": gradients.cases,
 }

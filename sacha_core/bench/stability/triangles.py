@@ -74,14 +74,14 @@ def _no_area(third: float, findings: Findings) -> None:
     ends = np.array([[0.1, 0.2, -0.3], [0.4, -0.1, 0.2]], F)
     vertices = np.array([*ends, ends[0] + F(third) * (ends[1] - ends[0])], F)
     for way in WAYS.values():
-        findings.refused(lambda way=way: way(vertices), GeometryError, "triangle 0 has zero area")
+        findings.refused(partial(way, vertices), GeometryError, "triangle 0 has zero area")
 
 
 def _not_finite(poison: float, findings: Findings) -> None:
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, poison]], F)
     for way in WAYS.values():
         with np.errstate(invalid="ignore"):
-            findings.refused(lambda way=way: way(vertices), GeometryError, "triangle 0 has a vertex that is not finite")
+            findings.refused(partial(way, vertices), GeometryError, "triangle 0 has a vertex that is not finite")
 
 
 def _inverted(findings: Findings) -> None:
