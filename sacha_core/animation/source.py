@@ -87,9 +87,8 @@ class GroupsAhead:
         if self._closed:
             raise OptionError("the motion is closed; expected no more frames to be asked for")
         if not 0 <= index < len(self._source):
-            raise OptionError(
-                f"frame {index} does not exist; the motion has {len(self._source)} frames, counted from 0"
-            )
+            there = f"frames 0 to {len(self._source) - 1}" if len(self._source) else "no frames"
+            raise OptionError(f"frame {index} does not exist; the motion has {there}")
         number, row = divmod(index, self._source.group_frames)
         going_on, self._last = index == self._last + 1, index
         wanted = self._ask(number)

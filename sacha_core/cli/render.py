@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -112,11 +113,11 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     opened = open_avatar(options.avatar, options.head, options.motion)
     gaussians = opened.avatar.gaussians
     colours = region_colours(gaussians, opened.head) if options.colour == "region" else None
-    stage = Stage(gaussians, opened.head, opened.avatar.motion, colours)
-    if options.output is not None:
-        return draw_picture(stage, options, options.output, console)
-    assert options.video is not None
-    return draw_video(stage, options, options.video, console)
+    with closing(Stage(gaussians, opened.head, opened.avatar.motion, colours)) as stage:
+        if options.output is not None:
+            return draw_picture(stage, options, options.output, console)
+        assert options.video is not None
+        return draw_video(stage, options, options.video, console)
 
 
 def require_consistent(options: Options) -> None:

@@ -190,7 +190,7 @@ def test_avatars_without_motion_and_motions_without_frames(avatar: Avatar, head:
     data = encode(Avatar(avatar.gaussians, head.reference, rest), 1, head=head)
     with Player.open(data, head) as player:
         assert len(player) == 0
-        with pytest.raises(OptionError, match="frame 0 does not exist"):
+        with pytest.raises(OptionError, match="frame 0 does not exist; the motion has no frames"):
             player.frame(0, camera_from())
 
 

@@ -102,7 +102,7 @@ def test_a_damaged_group_is_reported_when_its_frames_are_wanted_and_not_before()
 @pytest.mark.parametrize("index", [-1, N_FRAMES])
 def test_frames_that_do_not_exist(index):
     ahead = GroupsAhead(Counted())
-    with pytest.raises(OptionError, match=f"frame {index} does not exist; the motion has {N_FRAMES} frames"):
+    with pytest.raises(OptionError, match=f"frame {index} does not exist; the motion has frames 0 to {N_FRAMES - 1}"):
         ahead.frame(index)
     ahead.close()
 
