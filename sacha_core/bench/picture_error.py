@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from sacha_core.bench.exact import draw, leaves_of
+from sacha_core.bench.result import Row
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.splats import Splats
 
@@ -28,18 +29,18 @@ class PictureError:
     Args:
         largest: outside the band.
         mean: over all pixels and channels.
-        largest_in_band: where a decision was closer to its threshold than `BAND`; not a number where no pixel was.
+        largest_in_band: where a decision was closer to its threshold than `BAND`; None where no pixel was.
         n_pixels: that were looked at.
         n_in_band: of these, in the band.
     """
 
     largest: float
     mean: float
-    largest_in_band: float
+    largest_in_band: float | None
     n_pixels: int
     n_in_band: int
 
-    def row(self) -> dict[str, float | int]:
+    def row(self) -> Row:
         """Give the figures under the names of a row."""
         return {
             "max_error": self.largest, "mean_error": self.mean, "max_error_in_band": self.largest_in_band,
@@ -87,7 +88,7 @@ def picture_error(
     return PictureError(
         float(largest[~inside].max(initial=0)),
         float(difference.mean()),
-        float(largest[inside].max()) if inside.any() else float("nan"),
+        float(largest[inside].max()) if inside.any() else None,
         len(inside),
         int(inside.sum()),
     )

@@ -21,10 +21,12 @@ class Place:
     Args:
         module: its module or package in this folder.
         summary: what it measures, in a line.
+        drawn: whether there is a picture of it.
     """
 
     module: str
     summary: str
+    drawn: bool = True
 
 
 class BenchModule(Protocol):
@@ -42,8 +44,8 @@ BENCHES = {
     "playback": Place("playback", "Opening and playing a .sacha file."),
     "codec": Place("codec", "Levels of compression: time, bytes, PSNR."),
     "train": Place("train", "Training: budget against quality, and what an iteration costs."),
-    "stability": Place("stability", "Hard cases, each with what must happen."),
-    "skips": Place("skips", "What is skipped, what that saves, and its proof."),
+    "stability": Place("stability", "Hard cases, each with what must happen.", drawn=False),
+    "skips": Place("skips", "What is skipped, what that saves, and its proof.", drawn=False),
     "cuda": Place("cuda", "The CUDA engine against the CPU's; needs a device."),
 }
 

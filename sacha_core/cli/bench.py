@@ -88,8 +88,6 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     if options.what == "all":
         return run_all(options, console)
     record = run_one(options.what, preset(options), console)
-    if options.plot is not None and not record.bench.panels:
-        raise OptionError(f"bench {options.what} has no picture; leave out --plot")
     tell(record, console)
     if options.plot is not None:
         from sacha_core.bench.store import write_picture
@@ -108,8 +106,9 @@ def check(options: Options) -> None:
     from sacha_core.bench.registry import BENCHES
 
     measuring = (*BENCHES, "all")
+    drawn = tuple(name for name, place in BENCHES.items() if place.drawn)
     takers = {
-        "paths": ("compare", "page"), "quick": measuring, "threads": measuring, "plot": tuple(BENCHES), "out": ("all", "page"),
+        "paths": ("compare", "page"), "quick": measuring, "threads": measuring, "plot": drawn, "out": ("all", "page"),
         "avatar": ("codec", "playback", "all"), "dataset": ("train", "all"),
     }  # fmt: skip
     for name, who in takers.items():
@@ -121,7 +120,9 @@ def check(options: Options) -> None:
         raise OptionError(f"--threads is {options.threads}, expected 1 or more")
     wanted = {"compare": 2, "page": 1}.get(options.what, 0)
     if len(options.paths) != wanted:
-        raise OptionError(f"bench {options.what} takes {wanted} folders, not {len(options.paths)}")
+        raise OptionError(f"bench {options.what} takes {wanted} folder{'s' * (wanted > 1)}, not {len(options.paths)}")
+    if options.plot is not None and options.plot.is_dir():
+        raise OptionError(f"--plot {options.plot} is a folder; expected the name of a file")
 
 
 def preset(options: Options) -> Preset:
