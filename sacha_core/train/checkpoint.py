@@ -82,12 +82,8 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
     try:
         header = json.loads(str(arrays["header"]))
         version, iteration = int(header["version"]), int(header["iteration"])
-        if version == 1:  # which knew the CPU only, and no faults
-            header = {
-                **header,
-                "faults": asdict(Faults()),
-                "options": {**header["options"], "device": "cpu", "cameras_per_step": 1},
-            }
+        if version == 1:
+            header = brought_forward(header)
         steps = {group: int(header["steps"][group]) for group in ("gaussians", "motion")}
         options, data = from_record(header["options"]), dict(header["data"])
         events, faults = parse_events(str(arrays["events"])), parse_faults(header["faults"])
@@ -101,6 +97,13 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
     state = TrainState(iteration, values, first, second, steps, binding, *statistics, faults)
     _check(path, state)
     return Checkpoint(state, options, events, data)
+
+
+def brought_forward(header: dict[str, Any]) -> dict[str, Any]:
+    """Give the header of a checkpoint of version 1, which knew the CPU only, one camera a step, and no faults, as that of version 2."""
+    options = {**header["options"], "device": "cpu", "cameras_per_step": 1}
+    options["density"] = {**options["density"], "gradient": "ndc"}
+    return {**header, "faults": asdict(Faults()), "options": options}
 
 
 def parse_faults(record: dict[str, Any]) -> Faults:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from sacha_core.avatar.binding import sigmoid
 from sacha_core.density.events import Calibration, Densification, OpacityReset, Pruning
 from sacha_core.density.growth import CHILDREN, growth, split_children
 from sacha_core.density.guard import guarded
@@ -19,7 +20,6 @@ from sacha_core.density.selection import lowest_of_all, lowest_of_each_region
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.regions import Regions
 from sacha_core.train.state import TrainState, rearrange
-from sacha_core.train.step import sigmoid
 
 __all__ = ["SeenWeights", "calibrate", "densify", "importance", "prune", "reset_opacity"]
 

@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import time
+from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.density.events import Event, write_events
 from sacha_core.density.scores_file import Scores, write_scores
-from sacha_core.errors import DatasetError, HeadError, OptionError
+from sacha_core.errors import HeadError, OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.interchange.capture import Capture
 from sacha_core.interchange.gaussian_avatars import model_iterations
 from sacha_core.progress import Progress, Report, silent
 from sacha_core.raster.pool import Pool
+from sacha_core.stopwatch import Stopwatch, timed
 from sacha_core.train import density_control as control
 from sacha_core.train.checkpoint import Checkpoint, differing, read_checkpoint, require_fit, write_checkpoint
-from sacha_core.train.optimiser import adam, position_rate
+from sacha_core.train.cuda.available import missing
+from sacha_core.train.devices import find_device, open_engine
+from sacha_core.train.engine import Engine
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.output import (
     CHECKPOINT,
@@ -35,16 +39,15 @@ from sacha_core.train.output import (
     write_outcome,
     write_plan,
 )
+from sacha_core.train.rates import learning_rates
 from sacha_core.train.regions import head_regions
-from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, TrainState, initial_state
-from sacha_core.train.step import Drawing, Outcome, Stage
-from sacha_core.train.threads import one_torch_thread
-from sacha_core.train.views import TrainingViews, epoch_order, spread_views
+from sacha_core.train.scene import fingerprint, require_poses, scene_extent
+from sacha_core.train.state import ATTRIBUTES, TrainState, initial_state
+from sacha_core.train.views import Step, TrainingViews, decoded_ahead, epoch_steps, grouped, spread_views
 
 __all__ = ["train"]
 
 REPORT_EVERY_S = 0.5
-SMOOTHING = 0.98  # of the loss that is shown
 
 
 def train(
@@ -55,10 +58,13 @@ def train(
     report: Report = silent,
     resume: bool = True,
     start_from: str | os.PathLike[str] | None = None,
+    stopwatch: Stopwatch | None = None,
 ) -> TrainedModel:
     """Fit an avatar to the training views of a capture.
 
-    The same capture, head and options give the same bytes, for any number of threads, interrupted or not.
+    On the CPU the same capture, head and options give the same bytes, for any number of threads, interrupted or not.
+
+    A step whose gradient is not finite is not taken, but counted: the model tells of it.
 
     Args:
         capture: images, cameras and tracked motion.
@@ -68,15 +74,17 @@ def train(
         report: told about progress.
         resume: whether to go on from a checkpoint in `out`; if not, the run begins anew, and what an earlier one left there goes.
         start_from: checkpoint of another run, not beyond its warm-up, to begin with: variants that differ only later share their warm-up.
+        stopwatch: told how long each stage of the iterations takes.
 
     Returns:
         The model that was written to `out`.
 
     Raises:
         HeadError: the head is not the capture's, or lacks masks.
-        OptionError: `out` holds another run, or `start_from` does not lead to this one; the message names the option.
-        DatasetError: an image cannot be decoded, or the cameras stand in one place.
-        GeometryError: a timestep's pose makes a triangle degenerate.
+        OptionError: `out` holds another run, `start_from` does not lead to this one, or the device cannot be had; the message names the
+            option.
+        DatasetError: an image cannot be decoded, there is none, or the cameras stand in the head.
+        GeometryError: a timestep's tracked pose makes a triangle degenerate.
         FormatError: a checkpoint is damaged.
         OSError: `out` cannot be written.
     """
@@ -86,10 +94,9 @@ def train(
             f"{capture.root} was tracked with head {capture.head.name!r} (SHA-256 {capture.head.sha256[:12]}...),"
             f" not with {head.name!r} ({head.reference.sha256[:12]}...)"
         )
-    with one_torch_thread():
-        run = Run(capture, head, options, folder, report)
-        run.begin(resume, None if start_from is None else Path(start_from))
-        return run.finish()
+    run = Run(capture, head, options, folder, report, stopwatch)
+    run.begin(resume, None if start_from is None else Path(start_from))
+    return run.finish()
 
 
 @dataclass
@@ -99,9 +106,10 @@ class Run:
     Args:
         capture: see `train`.
         head: see `train`.
-        options: see `train`.
+        options: see `train`; once the run has begun, `device` says where it computes.
         folder: see `train`.
         report: see `train`.
+        stopwatch: see `train`.
     """
 
     capture: Capture
@@ -109,99 +117,111 @@ class Run:
     options: TrainOptions
     folder: Path
     report: Report
-    state: TrainState = field(init=False)
+    stopwatch: Stopwatch | None = None
+    iteration: int = field(init=False, default=0)
+    engine: Engine = field(init=False)
     events: list[Event] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
         options, capture = self.options, self.capture
-        self.pool = Pool(options.threads)
         self.regions = head_regions(self.head, options.scheme)
         size = (options.width, options.height)
+        self.extent = scene_extent(capture, self.head)
         self.views = TrainingViews(capture, *size, options.sensitivity_pad, options.image_cache_bytes)
-        self.stage = Stage(self.head, capture.motion, options.losses, self.pool, options.fine_tune)
-        self.extent = scene_extent(capture)
         self.rest_scale = triangle_frames(self.head.v_template, self.head.faces).scale
         self.data = fingerprint(capture, self.head)
-        self.order, self.epoch = np.empty(0, int), -1
 
     def begin(self, resume: bool, start_from: Path | None) -> None:
         """Take the state from the folder's checkpoint, from another run's, or make it anew."""
         own = self.folder / CHECKPOINT
-        if resume and own.exists():
-            self._take(read_checkpoint(own), own, until_warm_up=False)
-        else:
-            if resume and (found := model_iterations(self.folder)):
-                raise OptionError(
-                    f"{self.folder} holds a model of {max(found)} iterations, but not the checkpoint to go on from; "
-                    "choose another folder, or begin anew"
-                )
-            if start_from is not None:
-                self._take(read_checkpoint(start_from), start_from, until_warm_up=True)
-            else:
-                self.state = self._fresh()
+        goes_on = resume and own.exists()
+        if not goes_on and resume and (found := model_iterations(self.folder)):
+            raise OptionError(
+                f"{self.folder} holds a model of {max(found)} iterations, but not the checkpoint to go on from; "
+                "choose another folder, or begin anew"
+            )
+        source = own if goes_on else start_from
+        state = self._fresh() if source is None else self._taken(source, until_warm_up=not goes_on)
+        device = find_device(self.options.device)
+        self.options = replace(self.options, device=device)
+        require_poses(self.capture, self.head)
+        self.engine = open_engine(device, self.head, self.capture.motion, self.options)
+        self.engine.stopwatch = self.stopwatch
+        if not goes_on:
             discard(self.folder)
+        self.iteration = state.iteration
+        self.n_gaussians = len(state)
+        self.engine.put(state)
+        self.targets = decoded_ahead(self.views, self._steps(state.iteration))
         write_plan(self.folder, self.options, self.head.reference)
 
     def finish(self) -> TrainedModel:
         """Train to the end, and write the model."""
         iterations = self.options.schedule.iterations
-        if self.state.iteration < iterations:
-            self.views.preload(self.pool, self.report)
+        if self.iteration < iterations:
+            self.views.preload(Pool(self.options.threads), self.report)
         begun_s = told_s = time.monotonic()
-        first, shown = self.state.iteration, None
-        while self.state.iteration < iterations:
-            losses = self.iterate()
-            shown = losses["total"] if shown is None else SMOOTHING * shown + (1 - SMOOTHING) * losses["total"]
-            now_s, done = time.monotonic(), self.state.iteration
-            if now_s - told_s >= REPORT_EVERY_S or done == iterations:
-                told_s = now_s
-                speed = (done - first) / max(now_s - begun_s, 1e-9)
-                values = {"loss": shown, "gaussians": float(len(self.state)), "iterations_per_s": speed}
-                self.report(Progress("train", done, iterations, values))
-            self._save()
-        fitted = self.state.motion(self.capture.motion)
-        model = TrainedModel(self.folder, iterations, self.state.gaussians(), fitted, tuple(self.events))
+        first = self.iteration
+        values: dict[str, float] = {}
+        with closing(self.targets):
+            while self.iteration < iterations:
+                self.iterate()
+                now_s, done = time.monotonic(), self.iteration
+                if now_s - told_s >= REPORT_EVERY_S or done == iterations:
+                    told_s = now_s
+                    if losses := self.engine.losses():
+                        values["loss"] = losses["total"]
+                    values["gaussians"] = float(self.n_gaussians)
+                    values["iterations_per_s"] = (done - first) / max(now_s - begun_s, 1e-9)
+                    self.report(Progress("train", done, iterations, dict(values)))
+                self._save()
+        state = self._take()
+        fitted = state.motion(self.capture.motion)
+        model = TrainedModel(self.folder, iterations, state.gaussians(), fitted, tuple(self.events), state.faults)
         write_outcome(model)
         return model
 
-    def iterate(self) -> dict[str, float]:
-        """Do one iteration, and give its losses."""
-        state, options = self.state, self.options
-        target = self.views[self._view(state.iteration)]
-        state.iteration += 1
-        degree = min(options.sh_degree, state.iteration // options.schedule.sh_every)
-        drawing = self.stage.draw(state, target.timestep, target.camera, degree, target.box)
-        outcome = self.stage.judge(state, drawing, target, degree)
-        state.gradient_sum[outcome.visible] += outcome.image_gradient[outcome.visible]
-        state.gradient_count += outcome.visible
-        untouched = self._control_density(drawing, degree)
-        self._step(outcome, untouched)
-        return outcome.losses
+    def iterate(self) -> None:
+        """Do one iteration."""
+        options = self.options
+        with timed(self.stopwatch, "wait for images"):
+            targets = next(self.targets)
+        self.iteration += 1
+        degree = min(options.sh_degree, self.iteration // options.schedule.sh_every)
+        self.engine.differentiate(self.iteration, targets, degree)
+        with timed(self.stopwatch, "density control"):
+            void = self._control_density(degree)
+        self.engine.advance(learning_rates(options.rates, options.schedule, self.iteration, self.extent), void)
 
-    def _control_density(self, drawing: Drawing, degree: int) -> frozenset[str]:
+    def _control_density(self, degree: int) -> frozenset[str]:
         """Do what is due after this iteration, in the method's order; give the attributes whose gradients are void by it."""
-        state, schedule, last = self.state, self.options.schedule, self.options.schedule.iterations
-        done = len(self.events)
+        schedule, now = self.options.schedule, self.iteration
+        last = now >= schedule.iterations
+        calibrates, resets = now in schedule.calibrations and not last, now in schedule.opacity_resets and not last
         void: frozenset[str] = frozenset()
-        if state.iteration in schedule.calibrations and state.iteration < last:
-            void |= self._calibrate(degree)
-        if schedule.densifies(state.iteration):
-            scale = drawing.triangle_scale
+        if not (calibrates or resets or schedule.densifies(now)):
+            return void
+        state = self._take()
+        if calibrates:
+            void |= self._calibrate(state, degree)
+        if schedule.densifies(now):
+            scale = self.engine.triangle_scale
             self.events.append(control.densify(state, self.options, self.regions, scale, self.extent))
             void |= frozenset(ATTRIBUTES)
-        if state.iteration in schedule.opacity_resets and state.iteration < last:
+        if resets:
             self.events.append(control.reset_opacity(state, self.options))
             void |= {"opacity_logit"}
-        if len(self.events) > done:
-            write_events(self.folder / EVENTS, self.events)
+        self.engine.put(state)
+        self.n_gaussians = len(state)
+        write_events(self.folder / EVENTS, self.events)
         return void
 
-    def _calibrate(self, degree: int) -> frozenset[str]:
+    def _calibrate(self, state: TrainState, degree: int) -> frozenset[str]:
         """Measure the regions; score and prune where the variant does; keep the scores of the last time."""
-        state, options = self.state, self.options
+        options = self.options
         prunes = options.pruning.scope != "none"
-        is_last = state.iteration == max(options.schedule.calibrations)
-        seen = self._look(degree) if prunes or is_last or options.density.means != "plain" else None
+        is_last = self.iteration == max(options.schedule.calibrations)
+        seen = self._look(state, degree) if prunes or is_last or options.density.means != "plain" else None
         self.events.append(control.calibrate(state, options, self.regions, seen))
         if seen is None:
             return frozenset()
@@ -213,47 +233,42 @@ class Run:
             write_scores(self.folder / SCORES, Scores(before, score, *facts))
         return frozenset(ATTRIBUTES) if prunes else frozenset()
 
-    def _look(self, degree: int) -> control.SeenWeights:
-        """Sum blending weights over training views, in float64."""
+    def _look(self, state: TrainState, degree: int) -> control.SeenWeights:
+        """Sum blending weights over training views, in float64; each timestep is posed once."""
         chosen = spread_views(self.views.views, self.options.importance.views)
-        weights = np.zeros((len(self.state), 2))
-        for done, index in enumerate(chosen, 1):
-            weights += self.stage.weights(self.state, self.views[index], degree)
+        weights, done = np.zeros((len(state), 2)), 0
+        for targets in decoded_ahead(self.views, grouped(self.views.views, chosen, len(chosen))):
+            weights += self.engine.weights(targets, degree)
+            done += len(targets)
             self.report(Progress("measure importance", done, len(chosen)))
         return control.SeenWeights(weights, len(chosen))
 
-    def _step(self, outcome: Outcome, untouched: frozenset[str]) -> None:
-        """Let Adam step; attributes whose rows have changed since their gradient was made wait for the next iteration."""
-        rates, schedule, state = self.options.rates, self.options.schedule, self.state
-        decayed = position_rate(rates.position, rates.position_last, state.iteration, schedule.position_decay)
-        by_name = {
-            "position": decayed * self.extent,
-            **{name: getattr(rates, name) for name in ATTRIBUTES if name != "position"},
-            **dict.fromkeys(("rotation", "neck", "jaw", "eyes"), rates.pose),
-            "translation": rates.translation,
-            "expression": rates.expression,
-        }
-        gradients = {name: value for name, value in outcome.gradients.items() if name not in untouched}
-        if gradients:
-            adam(state, "gaussians", gradients, by_name, self.pool)
-        if outcome.motion_gradients:
-            adam(state, "motion", outcome.motion_gradients, by_name, self.pool)
+    def _steps(self, iteration: int) -> Iterator[Step]:
+        """Give the views that each iteration learns from, beginning after `iteration`."""
+        views, options = self.views.views, self.options
+        in_all = len(epoch_steps(views, options.cameras_per_step, options.seed, 0))  # in every epoch
+        while True:
+            epoch, done = divmod(iteration, in_all)
+            yield from epoch_steps(views, options.cameras_per_step, options.seed, epoch)[done:]
+            iteration += in_all - done
 
-    def _view(self, iteration: int) -> int:
-        """Give the index of the view that an iteration learns from."""
-        epoch, place = divmod(iteration, len(self.views))
-        if epoch != self.epoch:
-            self.order, self.epoch = epoch_order(len(self.views), self.options.seed, epoch), epoch
-        return int(self.order[place])
+    def _take(self) -> TrainState:
+        """Give the state as it is now."""
+        state = self.engine.take()
+        state.iteration = self.iteration
+        return state
 
     def _save(self) -> None:
         """Write a checkpoint where one is due."""
-        schedule, done = self.options.schedule, self.state.iteration
-        checkpoint = Checkpoint(self.state, self.options, tuple(self.events), self.data)
-        if done == schedule.warm_up - 1:  # before the first calibration: variants part in the iteration after this one
-            write_checkpoint(self.folder / WARM_UP_CHECKPOINT, checkpoint)
-        if done % self.options.checkpoint_every == 0 or done == schedule.iterations:
-            write_checkpoint(self.folder / CHECKPOINT, checkpoint)
+        schedule, done = self.options.schedule, self.iteration
+        due = {
+            # before the first calibration: variants part in the iteration after this one
+            WARM_UP_CHECKPOINT: done == schedule.warm_up - 1,
+            CHECKPOINT: done % self.options.checkpoint_every == 0 or done == schedule.iterations,
+        }
+        for name in (name for name, is_due in due.items() if is_due):
+            checkpoint = Checkpoint(self._take(), self.options, tuple(self.events), self.data)
+            write_checkpoint(self.folder / name, checkpoint)
 
     def _fresh(self) -> TrainState:
         """Give the state before the first iteration."""
@@ -262,8 +277,9 @@ class Run:
         bases = (self.options.density.threshold, self.options.pruning.ratio)
         return initial_state(gaussians, self.capture.motion, self.regions.n_regions, *bases)
 
-    def _take(self, checkpoint: Checkpoint, path: Path, until_warm_up: bool) -> None:
-        """Go on from a checkpoint, if it leads to this run."""
+    def _taken(self, path: Path, until_warm_up: bool) -> TrainState:
+        """Give the state to go on from, if a checkpoint leads to this run; take over its events, and its device where none is asked for."""
+        checkpoint = read_checkpoint(path)
         if checkpoint.data != self.data:
             raise OptionError(f"{path} is of a run with another capture or head; choose another folder, or begin anew")
         if difference := differing(checkpoint.options, self.options, until_warm_up):
@@ -273,51 +289,15 @@ class Run:
             raise OptionError(
                 f"{path} is at iteration {checkpoint.state.iteration}, expected one before {end}, where warm-up ends"
             )
-        fresh = self._fresh()
-        require_fit(path, checkpoint.state, fresh, self.head.n_faces)
-        self.state, self.events = checkpoint.state, list(checkpoint.events)
-        if until_warm_up:
-            self.state = replace(self.state, thresholds=fresh.thresholds, ratios=fresh.ratios)
+        if self.options.device == "auto":
+            self._stay_on(checkpoint.options.device, path)
+        fresh, state = self._fresh(), checkpoint.state
+        require_fit(path, state, fresh, self.head.n_faces)
+        self.events = list(checkpoint.events)
+        return replace(state, thresholds=fresh.thresholds, ratios=fresh.ratios) if until_warm_up else state
 
-
-def scene_extent(capture: Capture) -> float:
-    """Give 1.1 times the farthest that a training frame's camera stands from the middle of all, metres.
-
-    Source: GaussianAvatars' and 3DGS's scene normalisation.
-    """
-    centres = np.array([view.camera.centre for view in capture.train], np.float64)
-    extent = 1.1 * float(np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
-    if not extent > 0:
-        raise DatasetError(f"{capture.root}: all training cameras stand in one place; expected several viewpoints")
-    return extent
-
-
-def fingerprint(capture: Capture, head: HeadModel) -> dict[str, Any]:
-    """Give what must be the same for a run to go on; images are told by their sizes on disk.
-
-    Raises:
-        OSError: an image is not there.
-    """
-    motion, digest = capture.motion, hashlib.sha256()
-    for name in ("shape", "static_offset", *FITTED_MOTION):
-        digest.update(np.ascontiguousarray(getattr(motion, name)).tobytes())
-    for view in capture.train:
-        c = view.camera
-        numbers = (
-            view.timestep,
-            view.camera_index,
-            view.image_path.stat().st_size,
-            c.width,
-            c.height,
-            c.fx,
-            c.fy,
-            c.cx,
-            c.cy,
-        )
-        digest.update(np.array([*numbers, *np.ravel(c.rotation), *np.ravel(c.translation)], np.float64).tobytes())
-    return {
-        "head": head.reference.sha256,
-        "views": len(capture.train),
-        "timesteps": len(motion),
-        "sha256": digest.hexdigest(),
-    }
+    def _stay_on(self, device: Literal["auto", "cpu", "cuda"], path: Path) -> None:
+        """Let a run for which no device is asked go on where it was: elsewhere its numbers would be others."""
+        if device == "cuda" and (lack := missing()) is not None:
+            raise OptionError(f"{path} is of a run on cuda, but {lack}; choose the device cpu if it shall go on there")
+        self.options = replace(self.options, device=device)

@@ -1,64 +1,90 @@
-"""Adam over the groups of a training state."""
+"""Adam over the Gaussians and the motion of a training state."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
+from sacha_core.animation.posed import block_bounds
+from sacha_core.raster.kernels.harmonics import BASIS
 from sacha_core.raster.pool import Pool
-from sacha_core.train.kernels.adam import adam_range
-from sacha_core.train.state import TrainState
+from sacha_core.train.gradients import ViewColours
+from sacha_core.train.kernels.adam import adam_range, harmonics_range
+from sacha_core.train.state import Arrays, TrainState
 
-__all__ = ["BETAS", "EPSILON", "adam", "position_rate"]
+__all__ = ["BETAS", "EPSILON", "step_gaussians", "step_motion"]
 
 BETAS = (0.9, 0.999)
 EPSILON = 1e-15
-RANGE = 1 << 16  # values that one task steps
+ROWS = 64  # Gaussians, of which a job takes a multiple, so that each falls into the same lane whichever thread steps it
 
 
-def adam(
+def step_gaussians(
     state: TrainState,
-    group: str,
-    gradients: Mapping[str, Float[np.ndarray, "..."]],
+    gradients: Arrays,
+    means: Float[np.ndarray, "n 3"],
+    colours: Sequence[ViewColours],
+    degree: int,
     rates: Mapping[str, float],
     pool: Pool,
 ) -> None:
-    """Take one step with the arrays of a group.
+    """Take one step with the Gaussians.
 
     Args:
         state: changed.
-        group: whose step count to use: `gaussians` or `motion`.
-        gradients: by name; an array without a gradient stays as it is.
+        gradients: by name; an attribute without a gradient stays as it is.
+        means: in the world, as they were seen.
+        colours: of each view: the gradient by the harmonics of degree 1 and up, which then need none in `gradients`; none to leave them.
+        degree: of the harmonics in use; the coefficients beyond have never had a gradient.
         rates: learning rates by name.
-        pool: shares out ranges.
+        pool: shares out the work.
 
     Source: Kingma and Ba, Adam, 2015.
     """
-    state.steps[group] += 1
-    step = state.steps[group]
-    correction = 1 - BETAS[0] ** step
-    square = np.float32(1 / math.sqrt(1 - BETAS[1] ** step))
-    decay = tuple(np.float32(number) for number in (*BETAS, 1 - BETAS[0], 1 - BETAS[1]))
-    tasks = [
-        (name, first, min(first + RANGE, gradient.size))
-        for name, gradient in gradients.items()
-        for first in range(0, gradient.size, RANGE)
-    ]
+    state.steps["gaussians"] += 1
+    pace = Pace(state.steps["gaussians"])
+    bounds = block_bounds(len(state), ROWS, 2 * pool.threads)
+    basis = np.array(BASIS, np.float32)
+    centres, cuts = tuple(view.centre for view in colours), tuple(view.cut for view in colours)
 
-    def run(_: int, job: int) -> None:
-        name, first, last = tasks[job]
-        arrays = (state.values[name], gradients[name], state.first[name], state.second[name])
-        part = [array.reshape(-1)[first:last] for array in arrays]
-        rate = np.float32(rates[name] / correction)
-        adam_range(*part, rate, *decay, np.float32(EPSILON), square)
+    def job(_: int, k: int) -> None:
+        start, stop = bounds[k], bounds[k + 1]
+        if colours and degree > 0:
+            rest = (kind["sh_rest"].reshape(len(state), -1) for kind in (state.values, state.first, state.second))
+            harmonics_range(start, stop, degree, basis, means, centres, cuts, *rest, *pace.of(rates["sh_rest"]))
+        for name, gradient in gradients.items():
+            arrays = (state.values[name], gradient, state.first[name], state.second[name])
+            adam_range(*(array[start:stop].reshape(-1) for array in arrays), *pace.of(rates[name]))
 
-    pool.run(run, len(tasks))
+    pool.run(job, len(bounds) - 1)
 
 
-def position_rate(first: float, last: float, iteration: int, over: int) -> float:
-    """Give the learning rate that falls log-linearly from `first` to `last` over so many iterations."""
-    done = min(iteration / over, 1.0)
-    return math.exp(math.log(first) * (1 - done) + math.log(last) * done)
+def step_motion(state: TrainState, timestep: int, gradients: Arrays, rates: Mapping[str, float]) -> None:
+    """Take one step with the motion of all timesteps, of which one has gradients (rows by name)."""
+    state.steps["motion"] += 1
+    pace = Pace(state.steps["motion"])
+    for name, row in gradients.items():
+        gradient = np.zeros_like(state.values[name])
+        gradient[timestep] = row
+        arrays = (state.values[name], gradient, state.first[name], state.second[name])
+        adam_range(*(array.reshape(-1) for array in arrays), *pace.of(rates[name]))
+
+
+class Pace:
+    """What a step's number makes of the rates: the kernel's last arguments.
+
+    Args:
+        step: counted from 1.
+    """
+
+    def __init__(self, step: int) -> None:
+        self._correction = 1 - BETAS[0] ** step
+        square = 1 / math.sqrt(1 - BETAS[1] ** step)
+        self._rest = tuple(np.float32(number) for number in (*BETAS, 1 - BETAS[0], 1 - BETAS[1], EPSILON, square))
+
+    def of(self, rate: float) -> tuple[np.float32, ...]:
+        """Give the arguments for a learning rate."""
+        return (np.float32(rate / self._correction), *self._rest)

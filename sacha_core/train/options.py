@@ -99,6 +99,8 @@ class DensityOptions:
         largest: longest standard deviation that is kept, in scene extents.
         lowest_opacity: that is kept.
         reset_opacity: ceiling that a reset brings opacities down to.
+        gradient: what growth is decided by: the gradient by the place in the image, in normalised device units, or the sum over pixels
+            of its absolute values, which CUDA alone offers.
         spread: whether children of a split are spread by world or local size (see `split_children`).
         guard_faint: whether the last Gaussian of a triangle stays though it is nearly transparent; in warm-up it always does.
 
@@ -114,6 +116,7 @@ class DensityOptions:
     largest: float = 0.1
     lowest_opacity: float = 0.005
     reset_opacity: float = 0.01
+    gradient: Literal["ndc", "absolute"] = "ndc"
     spread: Literal["world", "local"] = "world"
     guard_faint: bool = True
 

@@ -12,6 +12,7 @@ from sacha_core.density.events import Event, write_events
 from sacha_core.files import write_aside
 from sacha_core.flame.model import HeadReference
 from sacha_core.interchange.gaussian_avatars import PARAMETERS_NAME, PLY_NAME, model_iterations, write_model
+from sacha_core.train.faults import Faults
 from sacha_core.train.options import TrainOptions
 
 __all__ = [
@@ -41,6 +42,7 @@ class TrainedModel:
         gaussians: the canonical Gaussians, with sensitivity.
         motion: with fitted parameters at training timesteps.
         events: everything that density control did.
+        faults: steps that were not taken.
     """
 
     folder: Path
@@ -48,6 +50,7 @@ class TrainedModel:
     gaussians: Gaussians
     motion: Motion
     events: tuple[Event, ...]
+    faults: Faults
 
 
 def discard(folder: Path) -> None:

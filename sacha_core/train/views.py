@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Generator, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from threading import Lock
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Int, UInt8
+from jaxtyping import UInt8
 
 from sacha_core.interchange.capture import Capture, View
 from sacha_core.perception.sensitivity_map import resized_sensitivity, sensitivity_map
@@ -15,10 +18,13 @@ from sacha_core.progress import Progress, Report, silent
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.pool import Pool
 
-__all__ = ["Box", "Target", "TrainingViews", "epoch_order", "spread_views"]
+__all__ = ["Box", "Step", "Target", "TrainingViews", "decoded_ahead", "epoch_steps", "grouped", "spread_views"]
 
 WHITE = 255
+DECODERS = 2  # threads that decode what the cache has no room for
+AHEAD = 8  # steps that they may be ahead
 Box = tuple[int, int, int, int]  # left, top, right, bottom; pixels, exclusive
+Step = tuple[int, ...]  # indices of views of one timestep
 
 
 @dataclass(frozen=True)
@@ -69,6 +75,10 @@ class TrainingViews:
         """Give the number of views."""
         return len(self.views)
 
+    def keeps(self, index: int) -> bool:
+        """Tell whether a view is decoded already."""
+        return index in self._kept
+
     def __getitem__(self, index: int) -> Target:
         """Give one view, decoded.
 
@@ -116,9 +126,63 @@ def box_of(marked: np.ndarray) -> Box:
     return (int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1)
 
 
-def epoch_order(n_views: int, seed: int, epoch: int) -> Int[np.ndarray, " n"]:
-    """Give the order in which an epoch shows all views: a function of seed and epoch, so that a resumed run needs no state for it."""
-    return np.random.default_rng([seed, epoch, 1]).permutation(n_views)
+def decoded_ahead(views: TrainingViews, steps: Iterable[Step]) -> Generator[tuple[Target, ...]]:
+    """Give the views of each step in turn; some threads decode those of the next few steps that are not kept.
+
+    Args:
+        views: that indices are of.
+        steps: may be without end.
+
+    Raises:
+        DatasetError: an image cannot be decoded; raised when its step comes.
+    """
+    waiting: deque[list[Target | Future[Target]]] = deque()
+    with ThreadPoolExecutor(
+        DECODERS, "sacha-decode"
+    ) as decoders:  # which has no thread before something is to be decoded
+        try:
+            for step in steps:
+                waiting.append([views[i] if views.keeps(i) else decoders.submit(views.__getitem__, i) for i in step])
+                if len(waiting) > AHEAD:
+                    yield arrived(waiting.popleft())
+            while waiting:
+                yield arrived(waiting.popleft())
+        finally:
+            decoders.shutdown(wait=False, cancel_futures=True)
+
+
+def arrived(targets: list[Target | Future[Target]]) -> tuple[Target, ...]:
+    """Wait for those that are being decoded."""
+    return tuple(target.result() if isinstance(target, Future) else target for target in targets)
+
+
+def epoch_steps(views: tuple[View, ...], cameras: int, seed: int, epoch: int) -> list[Step]:
+    """Give the steps in which an epoch shows all views: a function of seed and epoch, so that a resumed run needs no state for it.
+
+    Args:
+        views: all of them.
+        cameras: that a step shows at most.
+        seed: of the run.
+        epoch: from 0.
+    """
+    rng = np.random.default_rng([seed, epoch, 1])
+    steps = grouped(views, rng.permutation(len(views)).tolist(), cameras)
+    return steps if cameras == 1 else [steps[i] for i in rng.permutation(len(steps))]
+
+
+def grouped(views: tuple[View, ...], indices: Iterable[int], most: int) -> list[Step]:
+    """Put views of one timestep together, in the order in which they come, at most so many in a step."""
+    steps: list[list[int]] = []
+    open_: dict[int, list[int]] = {}
+    for index in indices:
+        timestep = views[index].timestep
+        if timestep not in open_:
+            open_[timestep] = []
+            steps.append(open_[timestep])
+        open_[timestep].append(index)
+        if len(open_[timestep]) == most:
+            del open_[timestep]
+    return [tuple(step) for step in steps]
 
 
 def spread_views(views: tuple[View, ...], count: int) -> list[int]:

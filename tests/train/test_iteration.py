@@ -35,7 +35,7 @@ def begin(tiny, tmp_path):
     """Give a function that begins a run of an otherwise quiet schedule."""
 
     def begun(**schedule) -> Run:
-        options = TrainOptions(threads=1, sh_degree=1, schedule=replace(QUIET, **schedule))
+        options = TrainOptions(threads=1, sh_degree=1, device="cpu", schedule=replace(QUIET, **schedule))
         run = Run(tiny.capture, tiny.head, options, tmp_path, silent)
         run.begin(resume=False, start_from=None)
         return run
@@ -44,7 +44,7 @@ def begin(tiny, tmp_path):
 
 
 def copies(run: Run) -> dict[str, np.ndarray]:
-    return {name: value.copy() for name, value in run.state.values.items()}
+    return {name: value.copy() for name, value in run.engine.take().values.items()}
 
 
 def test_the_first_step_is_each_rate_long(begin) -> None:
@@ -53,8 +53,8 @@ def test_the_first_step_is_each_rate_long(begin) -> None:
     before = copies(run)
     run.iterate()
     for name, rate in RATES.items():
-        gradient = run.state.first[name] / np.float32(0.1)
-        step = run.state.values[name] - before[name]
+        gradient = run.engine.take().first[name] / np.float32(0.1)
+        step = run.engine.take().values[name] - before[name]
         clear = np.abs(gradient) > NOTICEABLE
         assert clear.any() or name in {"jaw", "eyes"}, name  # the ball has neither
         assert step[clear] == pytest.approx(-rate * np.sign(gradient[clear]), rel=STEP), name
@@ -65,37 +65,37 @@ def test_the_degree_of_harmonics_grows_with_the_iteration_that_reaches_it(begin)
     run = begin(sh_every=3)
     changed = []
     for _ in range(4):
-        before = run.state.values["sh_rest"].copy()
+        before = run.engine.take().values["sh_rest"].copy()
         run.iterate()
-        changed.append(not np.array_equal(run.state.values["sh_rest"], before))
+        changed.append(not np.array_equal(run.engine.take().values["sh_rest"], before))
     assert changed == [False, False, True, True]
 
 
 def test_statistics_are_of_those_in_view(begin) -> None:
     run = begin()
-    run.state.values["opacity_logit"][::2] = -9  # too faint to be drawn
+    run.engine.take().values["opacity_logit"][::2] = -9  # too faint to be drawn
     for _ in range(3):
         run.iterate()
-    assert not run.state.gradient_count[::2].any()
-    assert not run.state.gradient_sum[::2].any()
-    assert (run.state.gradient_count[1::2] == 3).all()
-    assert (run.state.gradient_sum[1::2] > 0).all()
+    assert not run.engine.take().gradient_count[::2].any()
+    assert not run.engine.take().gradient_sum[::2].any()
+    assert (run.engine.take().gradient_count[1::2] == 3).all()
+    assert (run.engine.take().gradient_sum[1::2] > 0).all()
 
 
 def test_gaussians_wait_while_densification_changes_their_rows_and_the_motion_does_not(begin) -> None:
     run = begin(densify_every=2)
-    run.state.thresholds[:] = np.inf  # so that rows stay what they are
+    run.engine.take().thresholds[:] = np.inf  # so that rows stay what they are
     run.iterate()
-    before, moments = copies(run), {name: run.state.first[name].copy() for name in ATTRIBUTES}
+    before, moments = copies(run), {name: run.engine.take().first[name].copy() for name in ATTRIBUTES}
     run.iterate()
     for name in ATTRIBUTES:
-        assert np.array_equal(run.state.values[name], before[name]), name
-        assert np.array_equal(run.state.first[name], moments[name]), name
-    assert run.state.steps == {"gaussians": 1, "motion": 2}
-    assert any(not np.array_equal(run.state.values[name], before[name]) for name in FITTED_MOTION)
-    assert not run.state.gradient_count.any()
+        assert np.array_equal(run.engine.take().values[name], before[name]), name
+        assert np.array_equal(run.engine.take().first[name], moments[name]), name
+    assert run.engine.take().steps == {"gaussians": 1, "motion": 2}
+    assert any(not np.array_equal(run.engine.take().values[name], before[name]) for name in FITTED_MOTION)
+    assert not run.engine.take().gradient_count.any()
     run.iterate()
-    assert not np.array_equal(run.state.values["position"], before["position"])
+    assert not np.array_equal(run.engine.take().values["position"], before["position"])
 
 
 def test_opacities_wait_while_they_are_reset_and_nothing_else_does(begin) -> None:
@@ -103,17 +103,23 @@ def test_opacities_wait_while_they_are_reset_and_nothing_else_does(begin) -> Non
     run.iterate()
     before = copies(run)
     run.iterate()
-    assert run.state.values["opacity_logit"] == pytest.approx(np.log(0.01 / 0.99), rel=1e-6)
-    assert not run.state.first["opacity_logit"].any()
-    assert not run.state.second["opacity_logit"].any()
+    assert run.engine.take().values["opacity_logit"] == pytest.approx(np.log(0.01 / 0.99), rel=1e-6)
+    assert not run.engine.take().first["opacity_logit"].any()
+    assert not run.engine.take().second["opacity_logit"].any()
     for name in ("position", "log_scale", "sh_dc", "sensitivity_logit"):
-        assert not np.array_equal(run.state.values[name], before[name]), name
+        assert not np.array_equal(run.engine.take().values[name], before[name]), name
 
 
 def test_without_fine_tuning_the_motion_stays_as_tracked(tiny, tmp_path) -> None:
-    run = Run(tiny.capture, tiny.head, TrainOptions(threads=1, fine_tune=False, schedule=QUIET), tmp_path, silent)
+    run = Run(
+        tiny.capture,
+        tiny.head,
+        TrainOptions(threads=1, fine_tune=False, device="cpu", schedule=QUIET),
+        tmp_path,
+        silent,
+    )
     run.begin(resume=False, start_from=None)
     before = copies(run)
     run.iterate()
-    assert all(np.array_equal(run.state.values[name], before[name]) for name in FITTED_MOTION)
-    assert not np.array_equal(run.state.values["position"], before["position"])
+    assert all(np.array_equal(run.engine.take().values[name], before[name]) for name in FITTED_MOTION)
+    assert not np.array_equal(run.engine.take().values["position"], before["position"])

@@ -13,7 +13,7 @@ import pytest
 
 from sacha_core.density.events import Calibration, Densification, OpacityReset, Pruning, parse_events
 from sacha_core.density.scores_file import read_scores
-from sacha_core.errors import DatasetError, GeometryError, HeadError, OptionError
+from sacha_core.errors import GeometryError, HeadError, OptionError
 from sacha_core.interchange.gaussian_avatars import read_model
 from sacha_core.train.checkpoint import read_checkpoint
 from sacha_core.train.loop import train
@@ -22,7 +22,7 @@ from sacha_core.train.output import CHECKPOINT, EVENTS, SCORES, WARM_UP_CHECKPOI
 from sacha_core.train.presets import scaled
 
 ITERATIONS = 40
-BASE = replace(TrainOptions(), threads=1, sh_degree=1)
+BASE = TrainOptions(threads=1, sh_degree=1, device="cpu")
 
 
 def options(variant: str = "sacha", iterations: int = ITERATIONS, **changes) -> TrainOptions:
@@ -205,14 +205,14 @@ def test_held_out_timesteps_keep_their_tracked_parameters(tiny, finished) -> Non
         assert not np.array_equal(fitted[:2], tracked[:2])
 
 
-def test_training_lowers_the_loss(tiny, tmp_path) -> None:
+def test_training_lowers_the_loss(tiny, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("sacha_core.train.loop.REPORT_EVERY_S", 0.0)
     losses: list[float] = []
     run = replace(options("default", 150), rates=BASE.rates)
     run = replace(run, schedule=replace(run.schedule, opacity_resets=(), densify_until=0))
     train(tiny.capture, tiny.head, run, tmp_path, lambda p: losses.append(p.values.get("loss", np.nan)))
-    # the last report is a running mean; the first is the first iteration's
-    monotone = [loss for loss in losses if np.isfinite(loss)]
-    assert monotone[-1] < 0.4 * 1.04  # 1.04 is what the untrained ball costs
+    losses = [loss for loss in losses if np.isfinite(loss)]
+    assert np.mean(losses[-12:]) < 0.4 * np.mean(losses[:1])
 
 
 def test_seeds_differ_and_are_kept(tiny, finished, tmp_path) -> None:
@@ -255,13 +255,10 @@ def test_a_branch_must_come_from_its_own_warm_up(tiny, finished, tmp_path) -> No
     assert not list(tmp_path.iterdir())
 
 
-def test_another_head_and_cameras_in_one_place_are_refused(tiny, tmp_path) -> None:
+def test_another_head_is_refused(tiny, tmp_path) -> None:
     other = replace(tiny.head, name="other", v_template=tiny.head.v_template * 2)
     with pytest.raises(HeadError, match="tracked with head"):
         train(tiny.capture, other, options(), tmp_path)
-    single = replace(tiny.capture, train=tiny.capture.train[:1])
-    with pytest.raises(DatasetError, match="one place"):
-        train(single, tiny.head, options(), tmp_path)
 
 
 def test_a_pose_that_flattens_a_triangle_is_named_by_its_timestep(tiny, tmp_path) -> None:

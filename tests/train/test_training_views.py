@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sacha_core.errors import DatasetError
 from sacha_core.perception.sensitivity_map import sensitivity_map
 from sacha_core.progress import Progress
 from sacha_core.raster.pool import Pool
-from sacha_core.train.views import TrainingViews, box_of, epoch_order, spread_views
+from sacha_core.train.views import AHEAD, TrainingViews, box_of, decoded_ahead, epoch_steps, spread_views
 
 
 def test_a_target_is_the_image_its_map_and_the_box_around_both(tiny) -> None:
@@ -46,14 +49,55 @@ def test_the_cache_holds_no_more_than_it_may(tiny) -> None:
     assert np.array_equal(views[11].image, TrainingViews(tiny.capture)[11].image)
 
 
-@given(st.integers(1, 60), st.integers(0, 5), st.integers(0, 5))
-def test_an_epoch_shows_every_view_once_in_an_order_of_its_own(n_views, seed, epoch) -> None:
-    order = epoch_order(n_views, seed, epoch)
-    assert sorted(order) == list(range(n_views))
-    assert np.array_equal(order, epoch_order(n_views, seed, epoch))
-    if n_views > 20:
-        assert not np.array_equal(order, epoch_order(n_views, seed, epoch + 1))
-        assert not np.array_equal(order, epoch_order(n_views, seed + 1, epoch))
+@given(st.integers(1, 12), st.integers(1, 6), st.integers(1, 8), st.integers(0, 5), st.integers(0, 5))
+def test_an_epoch_shows_every_view_once_in_an_order_of_its_own(tiny, timesteps, cameras, most, seed, epoch) -> None:
+    views = tuple(
+        replace(tiny.capture.train[0], timestep=t, camera_index=c) for t in range(timesteps) for c in range(cameras)
+    )
+    steps = epoch_steps(views, most, seed, epoch)
+    assert sorted(index for step in steps for index in step) == list(range(len(views)))
+    assert all(len({views[index].timestep for index in step}) == 1 for step in steps)
+    sizes = [most] * (cameras // most) + [cameras % most] * (cameras % most > 0)
+    assert sorted(map(len, steps)) == sorted(sizes * timesteps)
+    assert steps == epoch_steps(views, most, seed, epoch)
+    if len(steps) > 20:
+        assert steps != epoch_steps(views, most, seed, epoch + 1)
+        assert steps != epoch_steps(views, most, seed + 1, epoch)
+
+
+@pytest.mark.parametrize("room", [0, 3, 1 << 30], ids=["nothing kept", "some kept", "all kept"])
+def test_decoding_ahead_gives_what_asking_gives_and_not_far_ahead(tiny, room) -> None:
+    views, whole = TrainingViews(tiny.capture, cache_bytes=room * 4 * 48 * 48), TrainingViews(tiny.capture)
+    steps = [(3,), (0, 1), (11,), (3,)] * 8
+    asked = 0
+
+    def counted():
+        nonlocal asked
+        for asked, step in enumerate(steps, 1):  # noqa: B007
+            yield step
+
+    for found, (step, targets) in enumerate(zip(steps, decoded_ahead(views, counted()), strict=True), 1):
+        assert asked - found <= AHEAD
+        for index, target in zip(step, targets, strict=True):
+            assert np.array_equal(target.image, whole[index].image)
+            assert (target.timestep, target.box) == (whole[index].timestep, whole[index].box)
+
+
+def test_decoding_ahead_stops_with_whoever_asks_and_says_which_image_is_broken_when_its_turn_comes(
+    tiny, tmp_path
+) -> None:
+    broken = tmp_path / "broken.png"
+    broken.write_bytes(b"none")
+    first, *others = tiny.capture.train
+    capture = replace(tiny.capture, train=(replace(first, image_path=broken), *others))
+    ahead = decoded_ahead(TrainingViews(capture, cache_bytes=0), iter([(1,), (0,), (2,)]))
+    assert len(next(ahead)) == 1
+    with pytest.raises(DatasetError, match=r"broken\.png"):
+        next(ahead)
+    endless = decoded_ahead(TrainingViews(tiny.capture, cache_bytes=0), ((i % 12,) for i in count()))
+    next(endless)
+    endless.close()
+    assert not [thread for thread in threading.enumerate() if "sacha-decode" in thread.name]
 
 
 @given(st.integers(1, 40), st.integers(1, 7), st.integers(1, 400))

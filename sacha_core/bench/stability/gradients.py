@@ -25,16 +25,13 @@ from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION
 
 __all__ = ["cases"]
 
-STEP = (
-    1e-5  # of central differences; their error falls with its square, and rounding of the loss grows with its inverse
-)
+# Of central differences, whose error falls with its square, while rounding of the loss grows with its inverse
+STEP = 1e-5
 SLOPE = 1e-6  # relative to the largest gradient of the kind: what STEP leaves of both
-SHIPPED = 1e-4  # likewise: float32 sums over a thousand pixels, through some ten stages
+SHIPPED = 5e-5  # likewise: float32 sums over a thousand pixels, through some ten stages
 LOSS = 1e-6  # relative: float32 sums
-SAMPLES, DIRECTIONS = (
-    10,
-    3,
-)  # numbers of a parameter that are moved alone, and random directions in which all are moved together
+SAMPLES = 10  # numbers of a parameter that are moved alone
+DIRECTIONS = 3  # random ones, in which all are moved together
 
 POSES_RAD = {
     "at rest, where Rodrigues' angle vanishes": 0.0,

@@ -7,10 +7,13 @@ import math
 import numpy as np
 from numba import njit
 
+from sacha_core.raster.kernels.harmonics import direction, evaluate
+
 TINIEST = np.float32(1e-37)  # just above where float32 becomes denormal and arithmetic slow
+FAST = {"contract", "nsz", "arcp", "reassoc"}
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "nsz", "arcp", "reassoc"})
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def adam_range(value, gradient, mean, square, rate, beta1, beta2, rest1, rest2, epsilon, square_correction):
     """Step some values; moments too small for a normal number become 0.
 
@@ -37,3 +40,24 @@ def adam_range(value, gradient, mean, square, rate, beta1, beta2, rest1, rest2, 
         mean[i] = m
         square[i] = s
         value[i] -= rate * m / (math.sqrt(s) * square_correction + epsilon)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def harmonics_range(
+    start, stop, degree, basis, means, centres, cuts, value, mean, square, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
+):  # fmt: skip
+    """Step the harmonics of degree 1 to `degree` of the Gaussians `start` to `stop`."""
+    values, gradient = np.zeros(16, np.float32), np.zeros(45, np.float32)
+    width = 3 * ((degree + 1) ** 2 - 1)
+    for g in range(start, stop):
+        gradient[:] = 0
+        for view in range(len(centres)):
+            x, y, z, _ = direction(means, centres[view], g, basis)
+            evaluate(x, y, z, degree, basis, values)
+            for k in range((degree + 1) ** 2 - 1):
+                for c in range(3):
+                    gradient[3 * k + c] += values[k + 1] * cuts[view][g, c]
+        adam_range(
+            value[g, :width], gradient[:width], mean[g, :width], square[g, :width],
+            rate, beta1, beta2, rest1, rest2, epsilon, square_correction,
+        )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The penalties on Gaussians that stray from their triangle or swell, and a box around their pictures."""
+"""A box around the pictures of Gaussians."""
 
 from __future__ import annotations
 
@@ -6,58 +6,6 @@ import math
 
 import numpy as np
 from numba import njit
-
-
-@njit(cache=True, nogil=True)
-def penalise(
-    position,
-    log_scale,
-    visible,
-    position_weight,
-    position_limit,
-    scale_weight,
-    scale_limit,
-    g_position,
-    g_log_scale,
-    sums,
-):
-    """Add both penalties' gradients to those given, and sum the penalties; of visible Gaussians only.
-
-    Args:
-        position: (n, 3) float32, local.
-        log_scale: (n, 3) float32, local.
-        visible: (n,) bool.
-        position_weight: float32, of what |mean| exceeds its limit by.
-        position_limit: float32, local units.
-        scale_weight: float32, of the length of what standard deviations exceed their limit by.
-        scale_limit: float32, local units.
-        g_position: (n, 3) changed.
-        g_log_scale: (n, 3) changed.
-        sums: (2,) float64 out, weighted.
-    """
-    zero = np.float32(0)
-    strayed, swollen = 0.0, 0.0
-    for row in range(len(visible)):
-        if not visible[row]:
-            continue
-        x, y, z = position[row, 0], position[row, 1], position[row, 2]
-        distance = math.sqrt(x * x + y * y + z * z)
-        if distance > position_limit:
-            strayed += position_weight * (distance - position_limit)
-            for axis in range(3):
-                g_position[row, axis] += position_weight * position[row, axis] / distance
-        excess = zero
-        for axis in range(3):
-            beyond = max(math.exp(log_scale[row, axis]) - scale_limit, zero)
-            excess += beyond * beyond
-        if excess > zero:
-            length = math.sqrt(excess)
-            swollen += scale_weight * length
-            for axis in range(3):
-                spread = math.exp(log_scale[row, axis])
-                g_log_scale[row, axis] += scale_weight * max(spread - scale_limit, zero) / length * spread
-    sums[0] = strayed
-    sums[1] = swollen
 
 
 @njit(cache=True, nogil=True)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from sacha_core.avatar.binding import initial_gaussians
-from sacha_core.raster.pool import Pool
-from sacha_core.train.options import LossOptions
-from sacha_core.train.state import TrainState, initial_state
-from sacha_core.train.step import Stage
+from sacha_core.flame.posing import Poser
+from sacha_core.geometry.triangle import triangle_frames
+from sacha_core.raster.scene import render_avatar
+from sacha_core.train.cpu_engine import CpuEngine
+from sacha_core.train.options import LossOptions, TrainOptions
+from sacha_core.train.state import FITTED_MOTION, Arrays, TrainState, initial_state
 from sacha_core.train.views import TrainingViews, box_of
 
 # The loss is float32 and jumps where an alpha crosses 1/255 or two Gaussians change places in depth. Slopes over several steps, averaged,
@@ -22,6 +24,7 @@ SUMS = 1e-6  # the same float32 terms, summed over other bands of rows
 CROPPED = (
     1e-4  # relative to the largest; likewise, and SSIM's slope where images agree is a difference of equal numbers
 )
+WEIGHTS = 1e-5  # relative; float32 sums, and NumPy's pose beside the compiled one
 SMOOTH = LossOptions(l1=0.0)  # L1's kinks left out
 DEGREE = 2
 STEPS = {
@@ -44,21 +47,38 @@ def scene(tiny):
     state.values["log_scale"] -= np.float32(0.9)  # few overlaps: where two swap their order in depth, the loss jumps
     state.values["opacity_logit"][:] = rng.normal(0.5, 1, len(state))
     state.values["sensitivity_logit"][:] = rng.normal(0, 1, len(state))
-    stage = Stage(tiny.head, tiny.capture.motion, SMOOTH, Pool(1))
-    return stage, state, TrainingViews(tiny.capture)[7]
+    engine = CpuEngine(tiny.head, tiny.capture.motion, TrainOptions(losses=SMOOTH, threads=1))
+    return engine, state, TrainingViews(tiny.capture)[7]
 
 
-def judged(stage: Stage, state: TrainState, target):
-    drawing = stage.draw(state, target.timestep, target.camera, DEGREE, target.box)
-    return stage.judge(state, drawing, target, DEGREE)
+@dataclass
+class Outcome:
+    """What one step's views say."""
+
+    losses: dict[str, float]
+    gradients: Arrays
+    visible: np.ndarray
+    image_gradient: np.ndarray
+
+
+def judged(engine: CpuEngine, state: TrainState, *targets) -> Outcome:
+    state.gradient_sum[:] = 0
+    state.gradient_count[:] = 0
+    engine.put(state)
+    engine.differentiate(1, targets, DEGREE)
+    assert engine.take().faults.count == 0
+    return Outcome(engine.losses(), engine.gradients(), state.gradient_count > 0, state.gradient_sum.copy())
 
 
 @pytest.mark.parametrize("name", STEPS)
 def test_gradients_are_those_of_finite_differences(scene, name) -> None:
-    stage, state, target = scene
-    outcome = judged(stage, state, target)
-    gradient = {**outcome.gradients, **outcome.motion_gradients}[name].astype(np.float64).copy()
-    start = state.values[name].copy()
+    engine, state, target = scene
+    outcome = judged(engine, state, target)
+    gradient = outcome.gradients[name].astype(np.float64)
+    value = state.values[name]
+    if name in FITTED_MOTION:
+        value = value[target.timestep]
+    start = value.copy()
     rng = np.random.default_rng(0)
     # half along the gradient, so that the slope is far from zero, and half at random
     direction = gradient / np.linalg.norm(gradient) + rng.normal(0, 1, start.shape) / np.sqrt(start.size)
@@ -66,16 +86,16 @@ def test_gradients_are_those_of_finite_differences(scene, name) -> None:
     for factor in (0.5, 0.7, 1.0, 1.4, 2.0):
         step, values = factor * STEPS[name], []
         for sign in (1, -1):
-            state.values[name][:] = start + sign * step * direction
-            values.append(judged(stage, state, target).losses["total"])
+            value[:] = start + sign * step * direction
+            values.append(judged(engine, state, target).losses["total"])
         slopes.append((values[0] - values[1]) / (2 * step))
     assert np.mean(slopes) == pytest.approx((gradient * direction).sum(), rel=AGREEMENT)
 
 
 def test_the_gradient_that_growth_is_decided_by_is_in_normalised_device_units(scene) -> None:
     """Of one Gaussian alone: its mean moves in the image as the camera's principal point does, by finite differences."""
-    stage, state, target = scene
-    alone = int(np.argmax(judged(stage, state, target).image_gradient))
+    engine, state, target = scene
+    alone = int(np.argmax(judged(engine, state, target).image_gradient))
     opacity = state.values["opacity_logit"][alone]
     state.values["opacity_logit"][:] = -20
     state.values["opacity_logit"][alone] = opacity
@@ -86,13 +106,13 @@ def test_the_gradient_that_growth_is_decided_by_is_in_normalised_device_units(sc
     image[:, :, :48] = target.image
     sensitivity = np.pad(target.sensitivity, ((0, 0), (0, 48)))
     wide = replace(target, camera=replace(camera, width=96), image=image, sensitivity=sensitivity)
-    outcome = judged(stage, state, wide)
+    outcome = judged(engine, state, wide)
     slopes = []
     for axis, side in (("cx", 96), ("cy", 48)):
         ends = []
         for step in (PIXELS, -PIXELS):
             moved = replace(wide, camera=replace(wide.camera, **{axis: getattr(camera, axis) + step}))
-            ends.append(judged(stage, state, moved).losses["total"])
+            ends.append(judged(engine, state, moved).losses["total"])
         slopes.append((ends[0] - ends[1]) / (2 * PIXELS) * side / 2)
     assert outcome.image_gradient[alone] == pytest.approx(np.hypot(*slopes), rel=AGREEMENT)
     assert not np.delete(outcome.image_gradient, alone).any()
@@ -100,7 +120,7 @@ def test_the_gradient_that_growth_is_decided_by_is_in_normalised_device_units(sc
 
 @pytest.mark.parametrize("corner", [(60, 40), (0, 0), (100, 120), (30, 0)])
 def test_a_cropped_view_costs_and_teaches_what_the_whole_one_does(scene, corner) -> None:
-    stage, state, target = scene
+    engine, state, target = scene
     left, top = corner
     size = 48
     camera = replace(target.camera, width=148, height=168, cx=target.camera.cx + left, cy=target.camera.cy + top)
@@ -112,45 +132,30 @@ def test_a_cropped_view_costs_and_teaches_what_the_whole_one_does(scene, corner)
     ]  # where no Gaussian is, so that it alone decides the crop's edge
     box = box_of((image != 255).any(axis=0) | (sensitivity != 0))
     placed = replace(target, camera=camera, image=image, sensitivity=sensitivity, box=box)
-    results = []
-    for drawn in (box, (0, 0, 148, 168)):
-        drawing = stage.draw(state, target.timestep, camera, DEGREE, drawn)
-        assert (drawing.box == (0, 0, 148, 168)) == (drawn != box)
-        outcome = stage.judge(state, drawing, placed, DEGREE)
-        arrays = {**outcome.gradients, **outcome.motion_gradients, "image": outcome.image_gradient}
-        results.append((outcome, {name: array.copy() for name, array in arrays.items()}))
-    (part, slopes), (whole, expected) = results
+    part = judged(engine, state, placed)
+    whole = judged(engine, state, replace(placed, box=(0, 0, 148, 168)))
     for name, value in whole.losses.items():
         assert part.losses[name] == pytest.approx(value, abs=SUMS), name
     assert np.array_equal(part.visible, whole.visible)
-    for name, gradient in expected.items():
+    slopes = part.gradients | {"image": part.image_gradient}
+    for name, gradient in (whole.gradients | {"image": whole.image_gradient}).items():
         assert np.abs(slopes[name] - gradient).max() <= CROPPED * np.abs(gradient).max(), name
 
 
-def test_only_the_timestep_that_is_seen_gets_motion_gradients(scene) -> None:
-    stage, state, target = scene
-    for name, gradient in judged(stage, state, target).motion_gradients.items():
-        others = np.arange(len(gradient)) != target.timestep
-        assert not gradient[others].any(), name
-    again = replace(target, timestep=0)
-    assert judged(stage, state, again).motion_gradients["expression"][0].any()
-    assert not judged(stage, state, again).motion_gradients["expression"][1:].any()
-
-
 def test_a_view_without_gaussians_costs_what_white_costs_and_pulls_nowhere(scene) -> None:
-    stage, state, target = scene
+    engine, state, target = scene
     state.values["opacity_logit"][:] = -20
-    outcome = judged(stage, state, target)
+    outcome = judged(engine, state, target)
     white = np.abs(target.image / 255 - 1).mean()
     assert outcome.losses["l1"] == pytest.approx(white, rel=1e-5)
     assert not outcome.visible.any()
-    for name, gradient in {**outcome.gradients, **outcome.motion_gradients}.items():
+    for name, gradient in outcome.gradients.items():
         assert not gradient.any(), name
     assert outcome.losses["position"] == outcome.losses["scale"] == 0
 
 
 def test_a_camera_that_looks_away_sees_nothing(scene) -> None:
-    stage, state, target = scene
+    engine, state, target = scene
     camera = target.camera
     away = replace(
         camera,
@@ -163,24 +168,26 @@ def test_a_camera_that_looks_away_sees_nothing(scene) -> None:
         "box": (0, 0, 0, 0),
     }
     nothing = replace(target, camera=away, **blank)
-    outcome = judged(stage, state, nothing)
+    outcome = judged(engine, state, nothing)
     assert outcome.losses["l1"] == 0
     assert all(np.isfinite(gradient).all() for gradient in outcome.gradients.values())
 
 
 def test_penalties_are_the_means_of_the_method(scene) -> None:
-    stage, state, target = scene
+    engine, state, target = scene
     state.values["position"][:] = np.float32([1.5, 0, 0])
     state.values["log_scale"][:] = np.log(np.float32([0.7, 0.5, 0.6]))
-    outcome = judged(stage, state, target)
+    outcome = judged(engine, state, target)
     assert outcome.visible.any()
     assert outcome.losses["position"] == pytest.approx(0.01 * 0.5, rel=1e-5)
     assert outcome.losses["scale"] == pytest.approx(1.0 * 0.1, rel=1e-5)
 
 
-def test_summed_weights_are_what_covers_the_background(scene) -> None:
-    stage, state, target = scene
-    weights = stage.weights(state, target, DEGREE)
-    drawing = stage.draw(state, target.timestep, target.camera, DEGREE, target.box)
-    assert weights[:, 0].sum() == pytest.approx(float((1 - drawing.frame.transmittance.astype(float)).sum()), rel=1e-5)
+def test_summed_weights_are_what_covers_the_background(tiny, scene) -> None:
+    engine, state, target = scene
+    engine.put(state)
+    weights = engine.weights([target], DEGREE)
+    frames = triangle_frames(Poser(tiny.head, state.motion(tiny.capture.motion))(target.timestep), tiny.head.faces)
+    alpha = render_avatar(state.gaussians(), frames, target.camera).alpha
+    assert weights[:, 0].sum() == pytest.approx(float(alpha.sum(dtype=np.float64)), rel=WEIGHTS)
     assert (weights[:, 1] <= weights[:, 0] * (1 + 1e-6)).all()

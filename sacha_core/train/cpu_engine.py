@@ -1,0 +1,192 @@
+"""Training on the CPU: the loop's engine in NumPy and compiled kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+
+import numpy as np
+from jaxtyping import Float
+
+from sacha_core.errors import GeometryError, OptionError, SachaError
+from sacha_core.flame.model import HeadModel
+from sacha_core.flame.posing import HeadMotion
+from sacha_core.perception.image_loss import ImageLoss, ImageLosses
+from sacha_core.raster.pool import Pool
+from sacha_core.raster.rasteriser import Rasteriser
+from sacha_core.stopwatch import Stopwatch, timed
+from sacha_core.train.drawing import Drawer, Drawing
+from sacha_core.train.faults import LARGEST_GRADIENT, Fault
+from sacha_core.train.gradients import GaussianGradients
+from sacha_core.train.optimiser import step_gaussians, step_motion
+from sacha_core.train.options import TrainOptions
+from sacha_core.train.rig import Rig
+from sacha_core.train.state import FITTED_MOTION, Arrays, TrainState
+from sacha_core.train.views import Target
+
+__all__ = ["CpuEngine"]
+
+
+class CpuEngine:
+    """Trains on the CPU; `sacha_core.train.engine.Engine` says what each method is for.
+
+    Results have the same bits for any number of threads. The state is the loop's own, so that `put` and `take` cost nothing.
+
+    Args:
+        head: the head model.
+        motion: whose static parameters make the person.
+        options: of the run.
+
+    Attributes:
+        stopwatch: told how long each stage takes; None for nobody.
+
+    Raises:
+        HeadError: the motion has components or vertex offsets that the head lacks.
+        OptionError: an option is not for the CPU.
+    """
+
+    def __init__(self, head: HeadModel, motion: HeadMotion, options: TrainOptions) -> None:
+        if options.density.gradient != "ndc":
+            raise OptionError(f"density.gradient is {options.density.gradient}, expected ndc on the CPU")
+        self.stopwatch: Stopwatch | None = None
+        self._fine_tune, losses = options.fine_tune, options.losses
+        self._pool = Pool(options.threads)
+        self._rig = Rig(head, motion, self._pool)
+        self._rasteriser = Rasteriser(self._pool.threads)
+        self._drawer, self._looker = (Drawer(self._rasteriser, self._pool, self._time) for _ in range(2))
+        self._image_loss = ImageLoss(losses.l1, losses.ssim, losses.sensitivity, self._pool.run)
+        self._gradients = GaussianGradients(losses, self._rig, self._pool, options.fine_tune)
+        self._motion: Arrays = {}  # gradients of the rows of one timestep
+        self._timestep, self._degree = 0, 0
+        self._fault: Fault | None = None
+        self._sums: dict[str, float] = {}
+        self._summed = 0
+        self._scale = np.ones(head.n_faces, np.float32)
+
+    def put(self, state: TrainState) -> None:
+        """Go on from a state."""
+        self._state = state
+
+    def take(self) -> TrainState:
+        """Give the state as it is now."""
+        return self._state
+
+    def differentiate(self, iteration: int, targets: Sequence[Target], degree: int) -> None:
+        """Draw some views of one timestep, compare, and keep the gradients of the mean loss; adds to statistics and losses."""
+        self._timestep, self._degree = targets[0].timestep, degree
+        losses: dict[str, float] = {}
+        cause = self._find_gradients(targets, losses)
+        self._fault = None if cause is None else Fault(iteration, *cause)
+        state = self._state
+        if self._fault is not None:
+            state.faults = state.faults.and_one(self._fault)
+            return
+        with self._time("statistics"):
+            state.gradient_sum += self._gradients.lengths
+            state.gradient_count += self._gradients.seen
+        self._summed += 1
+        for name, value in losses.items():
+            self._sums[name] = self._sums.get(name, 0.0) + value
+
+    def advance(self, rates: Mapping[str, float], void: frozenset[str]) -> None:
+        """Let Adam step with the gradients kept; not at all after a fault."""
+        if self._fault is not None:
+            return
+        with self._time("Adam"):
+            gradients = {name: slope for name, slope in self._gradients.by_name.items() if name not in void}
+            colours = () if "sh_rest" in void else self._gradients.colours
+            if gradients or colours:
+                means = self._drawer.splats.means
+                step_gaussians(self._state, gradients, means, colours, self._degree, rates, self._pool)
+            if self._motion:
+                step_motion(self._state, self._timestep, self._motion, rates)
+
+    def losses(self) -> dict[str, float]:
+        """Give the mean losses of the iterations without fault since the last call."""
+        means = {name: total / self._summed for name, total in self._sums.items()}
+        self._sums, self._summed = {}, 0
+        return means
+
+    def gradients(self) -> Arrays:
+        """Give copies of the gradients of the last `differentiate`, by name; of the motion the row of its timestep."""
+        copies = {name: slope.copy() for name, slope in self._gradients.by_name.items()}
+        if self._degree > 0:
+            copies["sh_rest"] = self._gradients.by_harmonics(self._degree)
+        return copies | {name: slope.copy() for name, slope in self._motion.items()}
+
+    def weights(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:
+        """Give each Gaussian's blending weight summed over pixels of views of one timestep: plain, and by reference sensitivity."""
+        weights = np.zeros((len(self._state), 2))
+        try:
+            pose = self._rig.pose(self._row(targets[0].timestep))
+        except GeometryError:  # a fault of the state, counted where it is trained on; such a timestep shows nothing
+            return weights
+        self._looker.place(self._state, pose)
+        for target in targets:
+            drawing = self._looker.draw(self._state, target.camera, degree, target.box)
+            left, top, right, bottom = drawing.box
+            sensitive = target.sensitivity[top:bottom, left:right] * np.float32(1 / 255)
+            weights += self._rasteriser.colour_weights(drawing.frame, np.stack([np.ones_like(sensitive), sensitive]))
+        return weights
+
+    @property
+    def triangle_scale(self) -> Float[np.ndarray, " f"]:
+        """Metres a local unit, of each triangle, in the pose of the last `differentiate` that could pose."""
+        return self._scale
+
+    def _find_gradients(self, targets: Sequence[Target], losses: dict[str, float]) -> tuple[str, int] | None:
+        """Leave the gradients of the mean loss and the parts of that; give the parameter and the row of a fault."""
+        state, timestep, gradients = self._state, self._timestep, self._gradients
+        row = self._row(timestep)
+        try:
+            with self._time("posing"):
+                pose = self._rig.pose(row)
+        except GeometryError:
+            return "pose", timestep
+        self._scale[:] = pose.frames.scale
+        self._drawer.place(state, pose)
+        gradients.begin(state, pose, self._drawer.splats, len(targets))
+        for target in targets:
+            try:
+                drawing = self._drawer.draw(state, target.camera, self._degree, target.box)
+            except SachaError:
+                return "colour", 0
+            found = self._judge(target, drawing, len(targets))
+            slopes = self._rasteriser.backward(drawing.frame, found.gradient)
+            with self._time("gradients"):
+                height, width = target.sensitivity.shape
+                gradients.add_view(drawing.frame, slopes, width, height, self._degree)
+            parts = {"total": found.total, "l1": found.l1, "ssim": found.ssim, "sensitivity": found.entropy}
+            for name, value in parts.items():
+                losses[name] = losses.get(name, 0.0) + value / len(targets)
+        losses["position"], losses["scale"] = gradients.penalties
+        losses["total"] += sum(gradients.penalties)
+        if self._fine_tune:
+            with self._time("posing backward"):
+                self._motion = self._rig.backward(pose, row)
+        return self._cause(losses["total"])
+
+    def _judge(self, target: Target, drawing: Drawing, views: int) -> ImageLosses:
+        """Compare a drawing with its target; the gradient is of its share of the mean over so many views."""
+        left, top, right, bottom = drawing.box
+        wanted, sensitive = target.image[:, top:bottom, left:right], target.sensitivity[top:bottom, left:right]
+        with self._time("loss"):
+            found = self._image_loss(drawing.frame.image, wanted, sensitive, target.sensitivity.size)
+            if views > 1:
+                np.multiply(found.gradient, np.float32(1 / views), out=found.gradient)
+        return found
+
+    def _cause(self, loss: float) -> tuple[str, int] | None:
+        """Give what is not finite: an attribute and its first row, else a motion parameter, else the loss and their timestep."""
+        if (cause := self._gradients.fault()) is not None:
+            return cause
+        for name, slope in self._motion.items():
+            if not (np.abs(slope) <= LARGEST_GRADIENT).all():
+                return name, self._timestep
+        return None if np.isfinite(loss) else ("loss", self._timestep)
+
+    def _row(self, timestep: int) -> Arrays:
+        return {name: self._state.values[name][timestep] for name in FITTED_MOTION}
+
+    def _time(self, stage: str) -> AbstractContextManager[None]:
+        return timed(self.stopwatch, stage)

@@ -1,0 +1,222 @@
+"""The gradients of the Gaussians of a step: from what the rasteriser gives to what Adam takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from sacha_core.animation.posed import Pose, block_bounds
+from sacha_core.raster.buffers import Buffers
+from sacha_core.raster.harmonics import sh_colours_backward
+from sacha_core.raster.kernels.harmonics import BASIS
+from sacha_core.raster.pool import Pool
+from sacha_core.raster.rasteriser import Frame
+from sacha_core.raster.splats import SplatGradients, Splats
+from sacha_core.train.faults import LARGEST_GRADIENT
+from sacha_core.train.kernels.carry_backward import carry_backward
+from sacha_core.train.kernels.settle import note_view, penalise, sound, through_sigmoids
+from sacha_core.train.options import LossOptions
+from sacha_core.train.rig import Rig
+from sacha_core.train.state import Arrays, TrainState
+
+__all__ = ["GaussianGradients", "ViewColours"]
+
+CHUNKS = 32  # of triangles, fixed, so that penalties are summed in the same order by any number of threads
+WIDTHS = {"position": 3, "log_scale": 3, "quaternion": 4, "opacity_logit": 1, "sensitivity_logit": 1, "sh_dc": 3}
+SUMMED = {"means": 3, "scales": 3, "quaternions": 4, "opacities": 1, "sensitivities": 1}  # over the views of a step
+
+
+@dataclass(frozen=True)
+class ViewColours:
+    """What one view says of the harmonics: their gradient is the basis, in the direction of view, times that by the colour.
+
+    Args:
+        centre: (3,) where the camera stands, metres.
+        cut: (n, 3) gradient by the colour, 0 where the colour was cut.
+    """
+
+    centre: Float[np.ndarray, "3"]
+    cut: Float[np.ndarray, "n 3"]
+
+
+@dataclass(frozen=True)
+class Chunks:
+    """Triangles with their Gaussians, in chunks of about as many Gaussians.
+
+    Args:
+        first_row: (f + 1,) first Gaussian of each triangle.
+        faces: (chunks + 1,) first triangle of each chunk.
+        rows: (chunks + 1,) first Gaussian of each chunk.
+    """
+
+    first_row: Int[np.ndarray, " g"]
+    faces: Int[np.ndarray, " b"]
+    rows: Int[np.ndarray, " b"]
+
+    @classmethod
+    def of(cls, binding: Int[np.ndarray, " n"], n_faces: int) -> Chunks:
+        """Deal triangles out; `binding` is sorted."""
+        first_row = np.searchsorted(binding, np.arange(n_faces + 1))
+        inner = np.searchsorted(first_row, len(binding) * np.arange(1, CHUNKS) // CHUNKS)
+        faces = np.array([0, *inner, n_faces])
+        return cls(first_row, faces, first_row[faces])
+
+
+class GaussianGradients:
+    """Gathers the gradients of a step from its views; owns the arrays, which hold until the next `begin`.
+
+    Args:
+        losses: weights and limits of the penalties.
+        rig: whose triangles carry the Gaussians, and to whose corners gradients go.
+        pool: shares out the work.
+        with_mesh: whether gradients go on to the triangles.
+
+    Attributes:
+        by_name: of the attributes but `sh_rest`, by name.
+        colours: of each view, from which the gradient by `sh_rest` follows.
+        lengths: (n,) lengths of the gradients by places in the images, in normalised device units, summed over the views.
+        seen: (n,) how many views showed the Gaussian.
+        penalties: for straying and for swelling, means over the views.
+    """
+
+    def __init__(self, losses: LossOptions, rig: Rig, pool: Pool, with_mesh: bool) -> None:
+        self._rig, self._pool, self._with_mesh = rig, pool, with_mesh
+        numbers = (losses.position_limit, losses.scale_limit, losses.position, losses.scale)
+        self._limits_and_weights = tuple(np.float32(number) for number in numbers)
+        self._buffers = Buffers()
+        self._jobs = block_bounds(CHUNKS, 1, 2 * pool.threads)
+        self._binding = np.empty(0, np.int32)
+        self.penalties = (0.0, 0.0)
+
+    def begin(self, state: TrainState, pose: Pose, splats: Splats, views: int) -> None:
+        """Begin a step.
+
+        Args:
+            state: whose gradients are wanted.
+            pose: of the head.
+            splats: the Gaussians in the world.
+            views: how many will be added.
+        """
+        if self._binding is not state.binding:
+            self._binding, self._chunks = state.binding, Chunks.of(state.binding, len(self._rig.faces))
+        n = len(state)
+        self._state, self._pose, self._splats, self._views = state, pose, splats, views
+        self.by_name = {name: self._space(name, n, width) for name, width in WIDTHS.items()}
+        self.colours: list[ViewColours] = []
+        self.lengths, self._shares = self._space("lengths", n, 1), self._space("shares", n, 1)
+        self.seen = self._space("seen", n, 1, np.int32)
+        self._sums, self._sound = np.zeros((CHUNKS, 2)), [True] * (len(self._jobs) - 1)
+
+    def add_view(self, frame: Frame, slopes: SplatGradients, width: int, height: int, degree: int) -> None:
+        """Add a view: gradients of its share of the loss. With the last, all that `begin` promised is there.
+
+        Args:
+            frame: as it was drawn.
+            slopes: by the splats; changed.
+            width: of the whole image, pixels.
+            height: likewise.
+            degree: of the spherical harmonics in use.
+        """
+        chunks, jobs, views = self._chunks, self._jobs, self._views
+        view = len(self.colours)
+        cut = self._space(f"cut {view}", len(self._state), 3)
+        self.colours.append(ViewColours(np.asarray(frame.camera.centre, np.float32), cut))
+        half_sides = np.float32(views * width / 2), np.float32(views * height / 2)  # as if there were no other view
+        part = np.float32(1 / (views * max(int(np.count_nonzero(frame.visible)), 1)))
+        totals = self._totals(slopes) if views > 1 else of_slopes(slopes)
+
+        def job(_: int, k: int) -> None:
+            start, stop = chunks.rows[jobs[k]], chunks.rows[jobs[k + 1]]
+            rows = slice(start, stop)
+            if view == 0:
+                self.lengths[rows], self.seen[rows], self._shares[rows] = 0, 0, 0
+            self._colours_backward(start, stop, degree, slopes, cut)
+            note_view(
+                start, stop, frame.bins.span, slopes.means_2d, *half_sides, part, self._shares, self.seen, self.lengths
+            )
+            if views > 1:
+                for name, slope in of_slopes(slopes).items():
+                    totals[name][rows] = slope[rows] if view == 0 else totals[name][rows] + slope[rows]
+            if view == views - 1:
+                self._settle(k, totals)
+
+        self._pool.run(job, len(jobs) - 1)
+        if view == views - 1:
+            strayed, swollen = self._sums.sum(axis=0)
+            self.penalties = float(strayed), float(swollen)
+
+    def fault(self) -> tuple[str, int] | None:
+        """Give the attribute and the row of the first gradient that is not finite or too large to go on with; None if all are sound."""
+        if all(self._sound):
+            return None
+        flat = [np.abs(self.by_name[name].reshape(len(self.seen), -1)).max(axis=1) for name in WIDTHS]
+        wrong = ~(np.stack(flat, axis=1) <= LARGEST_GRADIENT)
+        row = int(np.argmax(wrong.any(axis=1)))
+        return tuple(WIDTHS)[int(np.argmax(wrong[row]))], row
+
+    def by_harmonics(self, degree: int) -> Float[np.ndarray, "n k 3"]:
+        """Give the gradient by `sh_rest`, which a step does without."""
+        values, total = self._state.values, np.zeros_like(self._state.values["sh_rest"])
+        for view in self.colours:
+            total += sh_colours_backward(
+                values["sh_dc"] + np.float32(1e3), values["sh_rest"], self._splats.means, view.centre, degree, view.cut
+            )[1]
+        return total
+
+    def _settle(self, k: int, totals: Arrays) -> None:
+        """Go from the world to the attributes of the Gaussians of a job, and to the corners of their triangles."""
+        chunks, state, pose, splats, out = self._chunks, self._state, self._pose, self._splats, self.by_name
+        first, last = self._jobs[k], self._jobs[k + 1]
+        start, stop = chunks.rows[first], chunks.rows[last]
+        frames, values = pose.frames, state.values
+        carry_backward(
+            chunks.faces[first], chunks.faces[last], chunks.first_row,
+            values["quaternion"], splats.means, splats.scales, splats.quaternions,
+            totals["means"], totals["scales"], totals["quaternions"], pose.vertices, self._rig.faces,
+            frames.rotation, frames.scale, frames.origin, pose.quaternions, self._with_mesh,
+            out["position"], out["log_scale"], out["quaternion"], self._rig.g_corners,
+        )  # fmt: skip
+        penalise(
+            first, last, chunks.rows, values["position"], splats.scales, frames.scale, state.binding, self._shares,
+            *self._limits_and_weights, out["position"], out["log_scale"], self._sums,
+        )  # fmt: skip
+        through_sigmoids(
+            start, stop, splats.opacities, totals["opacities"], out["opacity_logit"], splats.colours[:, 3], totals["sensitivities"],
+            out["sensitivity_logit"],
+        )  # fmt: skip
+        out["sh_dc"][start:stop] = self.colours[0].cut[start:stop]
+        for view in self.colours[1:]:
+            out["sh_dc"][start:stop] += view.cut[start:stop]
+        out["sh_dc"][start:stop] *= np.float32(BASIS[0])
+        self._sound[k] = all(
+            sound(array[start:stop].reshape(-1), np.float32(LARGEST_GRADIENT)) for array in out.values()
+        )
+
+    def _colours_backward(self, start: int, stop: int, degree: int, slopes: SplatGradients, cut: np.ndarray) -> None:
+        values, centre, rows = self._state.values, self.colours[-1].centre, slice(start, stop)
+        inputs = (values["sh_dc"][rows], values["sh_rest"][rows], self._splats.means[rows], centre, degree)
+        d_dc, _, d_means = sh_colours_backward(*inputs, slopes.colours[rows, :3])
+        cut[rows] = d_dc / np.float32(BASIS[0])
+        slopes.means[rows] += d_means
+
+    def _totals(self, slopes: SplatGradients) -> Arrays:
+        """Give space for the sums over views."""
+        n = len(self._state)
+        return {name: self._space(f"total {name}", n, slope[0].size) for name, slope in of_slopes(slopes).items()}
+
+    def _space(self, name: str, n: int, width: int, dtype: type[np.generic] = np.float32) -> np.ndarray:
+        space = self._buffers.space(name, n * width, dtype)
+        return space if width == 1 else space.reshape(n, width)
+
+
+def of_slopes(slopes: SplatGradients) -> Arrays:
+    """Give the gradients that are summed over views, by name."""
+    return {
+        "means": slopes.means,
+        "scales": slopes.scales,
+        "quaternions": slopes.quaternions,
+        "opacities": slopes.opacities,
+        "sensitivities": slopes.colours[:, 3],
+    }

@@ -1,0 +1,99 @@
+"""The head that Gaussians hang on: its pose at a timestep, and the way back from pulls on its triangles to the pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from sacha_core.animation.posed import Pose, PosedHead, block_bounds
+from sacha_core.flame.model import HeadModel
+from sacha_core.flame.posing import HeadMotion
+from sacha_core.raster.pool import Pool
+from sacha_core.train.kernels.pose_backward import BLOCK, pose_backward, vertices_backward
+from sacha_core.train.state import Arrays
+
+__all__ = ["VECTORS", "Rig"]
+
+VECTORS = ("rotation", "neck", "jaw", "eyes")  # axis-angle vectors of the joints, in this order
+
+
+class Rig:
+    """Poses one person's head and carries gradients back to the parameters of the pose. Identity and personal offsets are constants.
+
+    Results have the same bits for any number of threads.
+
+    Args:
+        head: the head model.
+        motion: whose static parameters make the person.
+        pool: shares out the work.
+        dtype: float32, or float64 for checking gradients.
+
+    Attributes:
+        faces: (f, 3) int32, vertex indices of the triangles.
+        g_corners: (f, 3, 3) gradient by the place of each triangle's corners: to be written before `backward`.
+
+    Raises:
+        HeadError: the motion has components or vertex offsets that the head lacks.
+
+    Source: Li et al., FLAME, SIGGRAPH Asia 2017, equations 2 to 5; gradients own.
+    """
+
+    def __init__(self, head: HeadModel, motion: HeadMotion, pool: Pool, dtype: type[np.floating] = np.float32) -> None:
+        self._posed, self._pool = PosedHead(head, motion, pool, dtype), pool
+        self.faces = self._posed.faces
+        self.g_corners = np.zeros((head.n_faces, 3, 3), dtype)
+        corners = self.faces.ravel()
+        self._corners = np.argsort(corners, kind="stable").astype(np.int32)
+        self._first_corner = np.searchsorted(corners[self._corners], np.arange(head.n_vertices + 1)).astype(np.int32)
+        poser = self._posed.poser
+        blocks, j = -(-head.n_vertices // BLOCK), len(poser.parents)
+        self._bounds = block_bounds(blocks, 1, pool.threads)
+        self._space = np.empty((len(self._bounds) - 1, 3 * BLOCK), dtype)
+        self._sums = np.zeros((blocks, j, 3, 4)), np.zeros((blocks, 3)), np.zeros((blocks, len(poser.directions)))
+        self._slopes = np.zeros(poser.joint_directions.shape[2]), np.zeros((5, 3)), np.zeros(3)
+
+    def pose(self, parameters: Mapping[str, Float[np.ndarray, " p"]]) -> Pose:
+        """Pose the head.
+
+        Args:
+            parameters: of one timestep, by the names of `FITTED_MOTION`. Expression coefficients for which the motion or the head has no
+                directions are ignored.
+
+        Returns:
+            The pose, whose arrays hold until the next call.
+
+        Raises:
+            GeometryError: a triangle has zero area or a vertex that is not finite; the message names the first such triangle.
+        """
+        vectors = np.concatenate([parameters[name] for name in VECTORS]).reshape(5, 3)
+        return self._posed.pose(parameters["expression"], vectors, parameters["translation"])
+
+    def backward(self, pose: Pose, like: Mapping[str, Float[np.ndarray, " p"]]) -> Arrays:
+        """Give the gradient by the parameters of the pose that `g_corners` stands for.
+
+        Args:
+            pose: the last.
+            like: its parameters, whose lengths and dtypes the gradients get.
+        """
+        poser, bounds, unposed = self._posed.poser, self._bounds, pose.unposed
+        g_corners = self.g_corners.reshape(-1, 3)
+
+        def job(_: int, k: int) -> None:
+            vertices_backward(
+                bounds[k], bounds[k + 1], self._corners, self._first_corner, g_corners, unposed, poser.weights, pose.transforms,
+                poser.directions, self._space[k], *self._sums,
+            )  # fmt: skip
+
+        self._pool.run(job, len(bounds) - 1)
+        expression, vectors, translation = self._slopes
+        pose_backward(
+            *self._sums, pose.vectors, pose.rotations, pose.joints, poser.parents, pose.transforms, poser.joint_directions,
+            poser.has_correctives, *self._slopes,
+        )  # fmt: skip
+        flat = {"translation": translation, "expression": np.zeros(len(like["expression"]))}
+        flat["expression"][: len(expression)] = expression
+        parts = np.split(vectors.ravel(), np.cumsum([len(like[name]) for name in VECTORS])[:-1])
+        flat |= dict(zip(VECTORS, parts, strict=True))
+        return {name: flat[name].astype(value.dtype) for name, value in like.items()}
