@@ -6,6 +6,7 @@ Written from gsplat's documentation and the behaviour of its kernels. What those
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -38,40 +39,40 @@ def fully_fused_projection(
     assert not calc_compensations
     assert camera_model == "pinhole"
     assert opacities.shape == means.shape[:1]
-    turn, shift = viewmats[:, :3, :3], viewmats[:, :3, 3]
-    camera = torch.einsum("cij,nj->cni", turn, means) + shift[:, None]
-    depths = camera[..., 2]
-    within = (depths >= near_plane) & (depths <= far_plane)
-    z = torch.where(within, depths, 1)
-    fx, fy, cx, cy = (Ks[:, i, j, None] for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
-    means2d = torch.stack([fx * camera[..., 0] / z + cx, fy * camera[..., 1] / z + cy], -1)
-    slopes = []
-    for axis, focal, centre, side in ((0, fx, cx, width), (1, fy, cy, height)):
-        slack = SLACK * side / focal
-        slopes.append(torch.clamp(camera[..., axis] / z, -centre / focal - slack, (side - centre) / focal + slack))
-    nothing = torch.zeros_like(z)
-    jacobian = torch.stack([fx / z, nothing, -fx * slopes[0] / z, nothing, fy / z, -fy * slopes[1] / z], -1)
-    axes = rotations(quats) * scales[:, None, :]
-    flat = jacobian.unflatten(-1, (2, 3)) @ turn[:, None] @ axes
-    covariance = flat @ flat.mT + eps2d * torch.eye(2, dtype=means.dtype)
-    xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
-    determinant = xx * yy - xy * xy
-    conics = torch.stack([yy, -xy, xx], -1) / determinant[..., None]
+    camera = torch.einsum("cij,nj->cni", viewmats[:, :3, :3], means) + viewmats[:, None, :3, 3]
+    axes = viewmats[:, None, :3, :3] @ (rotations(quats) * scales[:, None, :])
     with torch.no_grad():
+        means2d, covariance = perspective(camera, axes, Ks, width, height, eps2d)
         reach = (2 * (opacities / ALPHA_MIN).log()).sqrt().clamp_max(REACH)
-        radii = torch.stack([(reach * xx.sqrt()).ceil(), (reach * yy.sqrt()).ceil()], -1)
+        radii = (reach[:, None] * covariance.diagonal(dim1=-2, dim2=-1).sqrt()).ceil()
         size = torch.tensor([width, height])
         inside = ((means2d + radii > 0) & (means2d - radii < size)).all(-1)
-        shown = within & (determinant > 0) & (opacities >= ALPHA_MIN) & inside & (radii > radius_clip).any(-1)
+        within = (camera[..., 2] >= near_plane) & (camera[..., 2] <= far_plane)
+        shown = within & (covariance.det() > 0) & (opacities >= ALPHA_MIN) & inside & (radii > radius_clip).any(-1)
         radii = torch.where(shown[..., None], radii, 0).int()
-    garbage = math.nan
-    return (
-        radii,
-        torch.where(shown[..., None], means2d, garbage),
-        torch.where(shown, depths, garbage),
-        torch.where(shown[..., None], conics, garbage),
-        None,
-    )
+    # what is not shown passes no gradient on, whatever its numbers are
+    camera = torch.where(shown[..., None], camera, torch.tensor([0.0, 0.0, 1.0]))
+    means2d, covariance = perspective(camera, axes, Ks, width, height, eps2d)
+    xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
+    conics = torch.stack([yy, -xy, xx], -1) / (xx * yy - xy * xy)[..., None]
+    means2d, conics = (torch.where(shown[..., None], array, math.nan) for array in (means2d, conics))
+    return radii, means2d, torch.where(shown, camera[..., 2], math.nan), conics, None
+
+
+def perspective(
+    camera: Tensor, axes: Tensor, Ks: Tensor, width: int, height: int, eps2d: float
+) -> tuple[Tensor, Tensor]:
+    """Give means and dilated covariances in the image from means and axes (c, n, 3, 3) in the camera's frame."""
+    x, y, z = camera.unbind(-1)
+    fx, fy, cx, cy = (Ks[:, i, j, None] for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    slopes = []
+    for place, focal, centre, side in ((x, fx, cx, width), (y, fy, cy, height)):
+        slack = SLACK * side / focal
+        slopes.append(torch.clamp(place / z, -centre / focal - slack, (side - centre) / focal + slack))
+    nothing = torch.zeros_like(z)
+    jacobian = torch.stack([fx / z, nothing, -fx * slopes[0] / z, nothing, fy / z, -fy * slopes[1] / z], -1)
+    flat = jacobian.unflatten(-1, (2, 3)) @ axes
+    return torch.stack([fx * x / z + cx, fy * y / z + cy], -1), flat @ flat.mT + eps2d * torch.eye(2)
 
 
 def rotations(quaternions: Tensor) -> Tensor:
@@ -121,7 +122,7 @@ def isect_tiles(
 
 
 def bits(count: int) -> int:
-    return int(math.floor(math.log2(count))) + 1
+    return math.floor(math.log2(count)) + 1
 
 
 @torch.no_grad()
@@ -133,6 +134,11 @@ def isect_offset_encode(isect_ids: Tensor, n_images: int, tile_width: int, tile_
     flat = (place >> shift) * tiles + (place & ((1 << shift) - 1))
     starts = torch.searchsorted(flat, torch.arange(n_images * tiles))
     return starts.int().view(n_images, tile_height, tile_width)
+
+
+def add_absolute(total: Tensor, ids: Tensor, gradient: Tensor) -> None:
+    """Add the absolute values of gradients by pixels and Gaussians, summed over pixels."""
+    total.index_add_(0, ids, gradient.abs().sum(0))
 
 
 def rasterize_to_pixels(
@@ -170,12 +176,7 @@ def rasterize_to_pixels(
         ids = flatten_ids[start:end].long()
         centres = means2d.flatten(0, 1)[ids].expand(len(pixels), -1, -1) + 0
         if absgrad and centres.requires_grad:
-            inside = (pixels + corner < torch.tensor([image_width, image_height])).all(1)
-            centres.register_hook(
-                lambda g, ids=ids, inside=inside: (
-                    absolute.view(-1, 2).index_add_(0, ids, g[inside].abs().sum(0)) and None
-                )
-            )
+            centres.register_hook(partial(add_absolute, absolute.view(-1, 2), ids))
         dx, dy = (centres - (pixels + corner)[:, None]).unbind(-1)
         a, b, c = conics.flatten(0, 1)[ids].unbind(-1)
         sigma = 0.5 * (a * dx * dx + c * dy * dy) + b * dx * dy

@@ -21,7 +21,7 @@ from sacha_core.train.cuda.layout import NAMES
 from sacha_core.train.cuda.penalties import penalise
 from sacha_core.train.cuda.scene import Scene
 from sacha_core.train.cuda.state import DeviceState
-from sacha_core.train.cuda.statistics import Statistic, gradient_lengths
+from sacha_core.train.cuda.statistics import gradient_lengths
 from sacha_core.train.cuda.targets import DeviceTargets, TargetBatch, upload
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, Arrays, TrainState
@@ -45,8 +45,6 @@ class CudaEngine:
         options: of the run.
         device: where to compute; one without CUDA wants a stand-in for gsplat.
         gsplat: draws; None for gsplat itself.
-        statistic: whether growth is decided by gradients by the places in images, in normalised device units, or by their absolute
-            values summed over pixels.
         graphs: whether to launch stages between drawing as recorded CUDA graphs.
 
     Attributes:
@@ -63,12 +61,12 @@ class CudaEngine:
         options: TrainOptions,
         device: str = "cuda",
         gsplat: Gsplat | None = None,
-        statistic: Statistic = "ndc",
         graphs: bool = False,
     ) -> None:
         self.stopwatch: Stopwatch | None = None
         self._device = torch.device(device)
-        self._options, self._fine_tune, self._statistic = options.losses, options.fine_tune, statistic
+        self._options, self._fine_tune = options.losses, options.fine_tune
+        self._absolute = options.density.gradient == "absolute"
         self._scene = Scene(head, motion, self._device)
         self._drawer = Drawer(gsplat or load_gsplat(), self._device)
         self._image_loss = DeviceImageLoss(options.losses, self._device)
@@ -113,15 +111,15 @@ class CudaEngine:
         self._moment[1].fill_(timestep)
         batches = self._targets.batches(targets)
         leaves = self._leaves(timestep)
-        with self._stage("pose"):
+        with self._stage("posing"):
             centres = torch.cat([batch.cameras.centres for batch in batches])
             *splats, colours, scale, posed = self._record(
                 "pose", self._place, *leaves.values(), centres, key=degree, learns=True
             )
         drawings, slopes, parts = [], [], []
         for batch, seen in zip(batches, colours.split_with_sizes([len(batch) for batch in batches]), strict=True):
-            with self._stage("draw"):
-                drawings.append(self._drawer.draw(World(*splats), seen, batch.cameras, self._statistic == "absolute"))
+            with self._stage("drawing"):
+                drawings.append(self._drawer.draw(World(*splats), seen, batch.cameras, self._absolute))
             with self._stage("loss"), torch.no_grad():
                 images = (drawings[-1].image, batch.image, batch.sensitivity)
                 losses, slope = self._record("loss", self._image_loss, *images)
@@ -130,7 +128,7 @@ class CudaEngine:
         with self._stage("backward"):
             wanted = [leaf for leaf in leaves.values() if leaf.requires_grad] + [one.means_2d for one in drawings]
             found = torch.autograd.grad([one.image for one in drawings], wanted, slopes, materialize_grads=True)
-        with self._stage("account"), torch.no_grad():
+        with self._stage("statistics"), torch.no_grad():
             visible = torch.cat([drawing.visible for drawing in drawings])
             lengths = self._lengths(drawings, batches, found[-len(drawings) :], len(targets))
             facts = (torch.stack(parts).sum(0), visible, lengths, colours, scale, posed)
@@ -140,7 +138,7 @@ class CudaEngine:
         """Let Adam step with the gradients kept, unless the last `differentiate` found a fault."""
         still = {*void, *(() if self._degree > 0 else ("sh_rest",)), *(() if self._fine_tune else FITTED_MOTION)}
         by_name = upload(np.array([rates[name] for name in NAMES]), self._device)
-        with self._stage("adam"), torch.no_grad():
+        with self._stage("Adam"), torch.no_grad():
             self._record("adam", self._step(frozenset(still)), by_name, self._sound, key=frozenset(still))
 
     def losses(self) -> dict[str, float]:
@@ -199,7 +197,7 @@ class CudaEngine:
         """Give what the statistics of growth get of each Gaussian."""
         lengths = []
         for drawing, batch, gradient in zip(drawings, batches, gradients, strict=True):
-            slope: Tensor = drawing.means_2d.absgrad if self._statistic == "absolute" else gradient  # type: ignore[attr-defined]
+            slope: Tensor = drawing.means_2d.absgrad if self._absolute else gradient  # type: ignore[attr-defined]
             size = (batch.cameras.width, batch.cameras.height)
             lengths.append(gradient_lengths(slope, drawing.visible, *size, views))
         return torch.stack(lengths).sum(0)

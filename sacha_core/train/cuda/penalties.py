@@ -31,7 +31,7 @@ def penalise(
 
     Source: Qian et al., GaussianAvatars, CVPR 2024, section 3.4; gradients own.
     """
-    shares = (visible / visible.sum(1, keepdim=True).clamp_min(1)).mean(0)
+    shares = (visible.to(position.dtype) / visible.sum(1, keepdim=True).clamp_min(1)).mean(0)
     distance = position.norm(dim=1)
     strays = (shares > 0) & (distance > options.position_limit)
     weight = shares * options.position

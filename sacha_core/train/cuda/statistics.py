@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-__all__ = ["Statistic", "gradient_lengths"]
-
-Statistic = Literal["ndc", "absolute"]
+__all__ = ["gradient_lengths"]
 
 
 def gradient_lengths(
