@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Shaped, UInt8
 
+from sacha_core.perception.kernels.differences import strip_spans
 from sacha_core.perception.kernels.entropy import LOWEST, entropy_band
-from sacha_core.perception.kernels.structural import gradient_band, ssim_band
+from sacha_core.perception.kernels.structural import STRIP, compare_strip, strip_space
+from sacha_core.raster.buffers import Buffers
+from sacha_core.raster.kernels.lanes import LANES
 
 __all__ = ["ImageLoss", "ImageLosses"]
 
 Share = Callable[[Callable[[int, int], None], int], None]
-
-BANDS = 8  # fixed, so that sums are made in the same order by any number of threads
+F = np.float32
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,9 @@ def in_turn(task: Callable[[int, int], None], jobs: int) -> None:
 class ImageLoss:
     """Computes losses; keeps its buffers from call to call.
 
+    Where image and target are the same to the bit, and no sensitivity is wanted or given, the loss is 0 and so is its gradient: such parts
+    cost next to nothing, and a crop that leaves only such parts out changes no bit of the gradient.
+
     Args:
         l1_weight: of the mean absolute difference.
         ssim_weight: of 1 - SSIM.
@@ -65,7 +72,7 @@ class ImageLoss:
     ) -> None:
         self.l1_weight, self.ssim_weight, self.entropy_weight = l1_weight, ssim_weight, entropy_weight
         self._share = in_turn if share is None else share
-        self._store = np.empty(0, np.float32)
+        self._buffers = Buffers()
 
     def __call__(
         self,
@@ -85,52 +92,84 @@ class ImageLoss:
         """
         colours, height, width = target.shape
         count = height * width if pixels is None else pixels
-        outside = count - height * width
-        planes = self._buffers(3 * colours + len(image) + 1, height, width)
-        d_mean, d_square, d_cross = planes[: 3 * colours].reshape(3, colours, height, width)
-        gradient, clamped = planes[3 * colours : -1], planes[-1]
-        unit = np.float32(1 / 255 if target.dtype == np.uint8 else 1)
-        sums = np.zeros((2, BANDS, 1))
-        edges = [height * band // BANDS for band in range(BANDS + 1)]
-        ssim_weight = np.float32(-self.ssim_weight / (colours * count))
-        l1_weight = np.float32(self.l1_weight / (colours * count))
-        entropy_weight = np.float32(self.entropy_weight / count)
+        image = np.ascontiguousarray(image)
+        given, wanted = Planes.of(image), Planes.of(target)
+        gradient = self._buffers.space("gradient", image.size, np.float32).reshape(image.shape)
+        edges = strip_edges(width)
+        strips = len(edges) - 1
+        sums = np.zeros((2, colours * strips, height), np.float32)
+        out = gradient.reshape(-1)
+        unit = F(1 / 255 if target.dtype == np.uint8 else 1)
+        weights = F(-self.ssim_weight / (colours * count)), F(self.l1_weight / (colours * count))
+        marks = None if sensitivity is None else Planes.of(sensitivity[None])
+        nats, empty = np.zeros(height, np.float32), np.zeros(strips, np.int64)
 
-        def statistics(_: int, band: int) -> None:
-            derivatives = (d_mean, d_square, d_cross)
-            ssim_band(image, target, unit, edges[band], edges[band + 1], *derivatives, sums[0, band])
+        def task(worker: int, job: int) -> None:
+            channel, strip = divmod(job, strips)
+            at = channel * height * width
+            if channel < colours:
+                space = self._buffers.space(f"strip {worker}", strip_space(height), np.float32)
+                spans = self._buffers.space(f"spans {worker}", 4 * strip_spans(height), np.int64).reshape(4, -1)
+                compare_strip(
+                    given.flat, at, wanted.flat, channel * wanted.plane, wanted.row, unit, height, width, *edges[strip : strip + 2],
+                    *weights, out, space, spans, sums[0, job], sums[1, job],
+                )  # fmt: skip
+            elif marks is not None:
+                top, bottom = height * strip // strips, height * (strip + 1) // strips
+                empty[strip] = entropy_band(
+                    given.flat,
+                    at,
+                    marks.flat,
+                    0,
+                    marks.row,
+                    top,
+                    bottom,
+                    width,
+                    F(self.entropy_weight / count),
+                    out,
+                    nats,
+                )
 
-        def gradients(_: int, band: int) -> None:
-            top, bottom = edges[band], edges[band + 1]
-            weights = (ssim_weight, l1_weight)
-            gradient_band(
-                image, target, unit, top, bottom, d_mean, d_square, d_cross, *weights, gradient, sums[1, band]
-            )
-            if sensitivity is not None:
-                out = gradient[colours]
-                entropy_band(image[colours], sensitivity, top, bottom, entropy_weight, out, clamped)
-            elif len(image) > colours:
-                gradient[colours:, top:bottom] = 0
-
-        self._share(statistics, BANDS)
-        self._share(gradients, BANDS)
-        ssim = 1 - sums[0].sum() / (colours * count)
-        l1 = sums[1].sum() / (colours * count)
+        self._share(task, (colours + (sensitivity is not None)) * strips)
+        if sensitivity is None:
+            gradient[colours:] = 0
+        ssim = 1 - 2 * float(sums[0].sum(dtype=np.float64)) / (colours * count)
+        l1 = float(sums[1].sum(dtype=np.float64)) / (colours * count)
         entropy = 0.0
         if sensitivity is not None:
-            entropy = (_cross_entropy(clamped, sensitivity) - outside * float(np.log1p(-LOWEST))) / count
+            unmarked = count - height * width + int(empty.sum())
+            entropy = (float(nats.sum(dtype=np.float64)) - unmarked * math.log1p(-LOWEST)) / count
         total = self.l1_weight * l1 + self.ssim_weight * (1 - ssim) + self.entropy_weight * entropy
-        return ImageLosses(float(l1), float(ssim), entropy, float(total), gradient)
-
-    def _buffers(self, planes: int, height: int, width: int) -> Float[np.ndarray, "p h w"]:
-        size = planes * height * width
-        if len(self._store) < size:
-            self._store = np.empty(size, np.float32)
-        return self._store[:size].reshape(planes, height, width)
+        return ImageLosses(l1, ssim, entropy, total, gradient)
 
 
-def _cross_entropy(clamped: Float[np.ndarray, "h w"], target: UInt8[np.ndarray, "h w"]) -> float:
-    """Sum over all pixels; `clamped` is away from 0 and 1."""
-    present, absent = np.log(clamped), np.log1p(-clamped)
-    mixed = absent + (present - absent) * (target * np.float32(1 / 255))
-    return -float(mixed.sum(dtype=np.float64))
+class Planes(NamedTuple):
+    """A (c, h, w) array whose rows are whole, as kernels read it.
+
+    Args:
+        flat: from its first number to its last, what lies between its rows included.
+        plane: from one channel to the next.
+        row: from one row to the next.
+    """
+
+    flat: Shaped[np.ndarray, " s"]
+    plane: int
+    row: int
+
+    @classmethod
+    def of(cls, array: Shaped[np.ndarray, "c h w"]) -> Planes:
+        """Look at an array in place, or at a copy if its rows are not whole."""
+        size = array.itemsize
+        if array.strides[2] != size or any(stride < 0 or stride % size for stride in array.strides):
+            array = np.ascontiguousarray(array)
+        plane, row = array.strides[0] // size, array.strides[1] // size
+        channels, height, width = array.shape
+        length = (channels - 1) * plane + (height - 1) * row + width if array.size else 0
+        return cls(np.lib.stride_tricks.as_strided(array, (length,), (size,), writeable=False), plane, row)
+
+
+def strip_edges(width: int) -> list[int]:
+    """Give the columns at which strips begin and end: about even, whole vectors but for the last."""
+    vectors = -(-width // LANES)
+    strips = -(-vectors * LANES // STRIP)
+    return [*(LANES * (vectors * k // strips) for k in range(strips)), width]

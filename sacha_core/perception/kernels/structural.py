@@ -1,185 +1,288 @@
-"""SSIM with its analytic gradient, and the absolute difference, over one band of rows.
+r"""L1 and SSIM of one channel with their gradient, in one pass over a strip of columns.
 
-Two stages with a barrier between them. The first blurs the four quantities that SSIM is made of and leaves, for every window, the
-derivatives of SSIM with respect to them; the second blurs those derivatives back onto the pixels. Windows are zero padded.
+In terms of the sum $s = x + y$ and the difference $d = x - y$ of image and target, with $P, Q$ the squares of their windowed means and
+$S, T$ their windowed variances,
+
+$$SSIM = \frac{(P - Q + 2 C_1)(S - T + 2 C_2)}{(P + Q + 2 C_1)(S + T + 2 C_2)}.$$
+
+Nothing cancels: where image and target agree, Q = T = 0, and SSIM is 1 and its slope 0 to the last bit. So windows in which they agree
+everywhere are not looked at, which is what a crop of the image is good for, row by row.
+
+A strip is narrow enough for the rows in flight to stay in the first cache, and goes down the image four rows at a time: blur s, d, s^2, d^2
+along the rows and keep them in a ring; blur fourteen of its rows into four, which gives four rows of windows and of SSIM's derivatives;
+blur those across and along, and write the gradient. Windows are zero padded.
+
+Source: Wang et al., Image quality assessment, 2004; the form in s and d and its derivatives: own.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 
-RADIUS = 5  # 11 x 11 window
-C1 = np.float32(0.01**2)
-C2 = np.float32(0.03**2)
+from sacha_core.perception.kernels.differences import GROUP, REACH, around, mark, pixels
+from sacha_core.perception.kernels.window import RADIUS, blur_across, blur_along, blur_moments, inlined
+from sacha_core.raster.kernels.lanes import (
+    LANES,
+    absolute,
+    fma,
+    number,
+    ramp,
+    select,
+    splat,
+    store,
+    store_first,
+    sums,
+    zeros,
+)
 
-_taps = np.exp(-(np.arange(-RADIUS, RADIUS + 1) ** 2) / (2 * 1.5**2))
-_taps /= math.fsum(_taps)
-W0, W1, W2, W3, W4, W5 = (np.float32(tap) for tap in _taps[: RADIUS + 1])
+F = np.float32
+C1 = F(2 * 0.01**2)
+C2 = F(2 * 0.03**2)
 
-# Loops touch few arrays each: with more, the compiler gives up proving that they do not overlap, and runs them one number at a time.
-FAST = {"contract", "nsz", "arcp", "reassoc"}
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def _blur_along(line, out):
-    """Blur a padded row: ten numbers longer than `out`. The window is symmetric, so six products do for eleven taps."""
-    for x in range(len(out)):
-        out[x] = (
-            W0 * (line[x] + line[x + 10])
-            + W1 * (line[x + 1] + line[x + 9])
-            + W2 * (line[x + 2] + line[x + 8])
-            + W3 * (line[x + 3] + line[x + 7])
-            + W4 * (line[x + 4] + line[x + 6])
-            + W5 * line[x + 5]
-        )
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def _blur_across(rows, out):
-    """Blur eleven rows into the one at their middle."""
-    for x in range(len(out)):
-        out[x] = (
-            W0 * (rows[0, x] + rows[10, x])
-            + W1 * (rows[1, x] + rows[9, x])
-            + W2 * (rows[2, x] + rows[8, x])
-            + W3 * (rows[3, x] + rows[7, x])
-            + W4 * (rows[4, x] + rows[6, x])
-            + W5 * rows[5, x]
-        )
+STRIP = 128  # columns of gradient that a strip has at most
+# Window t of a strip is centred on column left - 5 + t, number i of a line is of column left - 16 + i. Pitches are odd multiples of 64
+# bytes, so that rows do not meet in one set of the cache.
+WINDOWS = STRIP + LANES
+LINE = WINDOWS + 3 * LANES
+RING = 24  # rows, of which every one is kept twice, so that any fourteen in turn lie one after the other
+MOMENTS = 4 * WINDOWS  # a row of the ring: means of s, d, s^2, d^2
+SLOPES = 3 * WINDOWS  # a row of derivatives: by the means (s and d together), by s^2, by d^2
+AT_SUM = 0
+AT_DIFFERENCE = LINE
+AT_RING = 2 * LINE
+AT_BLURRED = AT_RING + 2 * RING * MOMENTS
+AT_SLOPES = AT_BLURRED + GROUP * SLOPES
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
-def _products(image_row, target_row, unit, lines):
-    """Write both rows, the sum of their squares and their product into the padded `lines`."""
-    for x in range(len(target_row)):
-        a = image_row[x]
-        b = np.float32(target_row[x]) * unit
-        lines[0, x + RADIUS] = a
-        lines[1, x + RADIUS] = b
-        lines[2, x + RADIUS] = a * a + b * b
-        lines[3, x + RADIUS] = a * b
+def strip_space(height: int) -> int:
+    """Give how many float32 a strip works in."""
+    return AT_SLOPES + (height + 6 * GROUP) * SLOPES
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
-def _similarity(means, d_mean, d_square, d_cross):
-    """Write the derivatives of one row of windows, and give its sum of 1 - SSIM."""
-    two = np.float32(2)
-    one = np.float32(1)
-    lost = np.float32(0)  # near 0 where images agree, so that the float32 sum of a row loses nothing
-    for x in range(len(d_mean)):
-        mean_x = means[0, x]
-        mean_y = means[1, x]
-        a1 = two * mean_x * mean_y + C1
-        a2 = two * (means[3, x] - mean_x * mean_y) + C2
-        power = mean_x * mean_x + mean_y * mean_y
-        b1 = power + C1
-        b2 = means[2, x] - power + C2
-        inverse = one / (b1 * b2)
-        ssim = a1 * a2 * inverse
-        by_cross = two * a1 * inverse
-        by_square = -ssim * b1 * inverse
-        by_mean = two * mean_y * a2 * inverse - two * mean_x * ssim * b2 * inverse
-        d_mean[x] = by_mean - mean_y * by_cross - two * mean_x * by_square
-        d_square[x] = by_square
-        d_cross[x] = by_cross
-        lost += one - ssim
+@inlined
+def clear(space, start, stop):
+    """Write zeros, sixteen at a time."""
+    for at in range(start, stop, LANES):
+        store(space, at, zeros())
+
+
+@inlined
+def put_moments(space, at, moments):
+    """Keep the blurred moments of sixteen pixels, twice."""
+    for part in range(4):
+        store(space, at + part * WINDOWS, moments[part])
+        store(space, at + part * WINDOWS + RING * MOMENTS, moments[part])
+
+
+@inlined
+def blur_row(image, image_at, target, target_at, unit, width, left, begin, end, space, slot):
+    """Blur the moments of one row along it into its slot of the ring, for the windows from `begin` to `end`."""
+    for x in range(max(left + begin - LANES, 0), min(left + end, width), LANES):
+        a, b = pixels(image, image_at + x, target, target_at + x, unit, width - x)
+        store(space, AT_SUM + LANES + x - left, a + b)
+        store(space, AT_DIFFERENCE + LANES + x - left, a - b)
+    for t in range(begin, end, LANES):
+        at = t + LANES - RADIUS
+        put_moments(space, slot + t, blur_moments(space, AT_SUM + at, AT_DIFFERENCE + at))
+
+
+@inlined
+def clear_row(space, slot, begin, end):
+    """Put a row beyond the image into the ring."""
+    for part in range(4):
+        at = slot + part * WINDOWS
+        clear(space, at + begin, at + end)
+        clear(space, at + RING * MOMENTS + begin, at + RING * MOMENTS + end)
+
+
+@inlined
+def similarity(mean_s, mean_d, square_s, square_d):
+    """Give half of 1 - SSIM of sixteen windows, and half of SSIM's derivatives by the means, s^2 and d^2."""
+    p, q = mean_s * mean_s, mean_d * mean_d
+    s, t = square_s - p, square_d - q
+    luminance, contrast = p + C1, s + C2
+    b1, b2 = luminance + q, contrast + t
+    inverse = F(1) / (b1 * b2)
+    by_luminance = (contrast - t) * inverse * (inverse * b2)
+    by_contrast = (luminance - q) * inverse * (inverse * b1)
+    by_s, by_d = t * by_contrast, -(contrast * by_contrast)
+    by_means = fma(mean_s, q * by_luminance - by_s, mean_d * (-(luminance * by_luminance) - by_d))
+    return fma(luminance, t, contrast * q) * inverse, by_means, by_s, by_d
+
+
+@inlined
+def compare_windows(space, at, out):
+    """Compare sixteen windows whose blurred moments are given; keep the derivatives, give half of 1 - SSIM."""
+    lost, by_means, by_s, by_d = similarity(at[0], at[1], at[2], at[3])
+    store(space, out, by_means)
+    store(space, out + WINDOWS, by_s)
+    store(space, out + 2 * WINDOWS, by_d)
     return lost
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
-def ssim_band(image, target, unit, top, bottom, d_mean, d_square, d_cross, sums):
-    """Write SSIM's derivatives for the windows centred on rows top to bottom, and sum 1 - SSIM.
-
-    Args:
-        image: (c, h, w) float32; channels beyond the target's are left alone.
-        target: (c', h, w) of any number type.
-        unit: float32 that turns a value of `target` into [0, 1].
-        top: first row.
-        bottom: one past the last row.
-        d_mean: (c', h, w) out, by the blurred image.
-        d_square: (c', h, w) out, by the blurred sum of both squares.
-        d_cross: (c', h, w) out, by the blurred product.
-        sums: (1,) float64 out, 1 - SSIM summed over the band.
-    """
-    channels, height, width = target.shape
-    rows = bottom - top + 2 * RADIUS
-    blurred = np.zeros((4, rows, width), np.float32)
-    lines = np.zeros((4, width + 2 * RADIUS), np.float32)
-    means = np.empty((4, width), np.float32)
-    total = 0.0
-    for channel in range(channels):
-        for row in range(rows):
-            source = top - RADIUS + row
-            if source < 0 or source >= height:
-                blurred[:, row] = 0
-                continue
-            _products(image[channel, source], target[channel, source], unit, lines)
-            for quantity in range(4):
-                _blur_along(lines[quantity], blurred[quantity, row])
-        for row in range(bottom - top):
-            for quantity in range(4):
-                _blur_across(blurred[quantity, row : row + 11], means[quantity])
-            at = top + row
-            total += _similarity(means, d_mean[channel, at], d_square[channel, at], d_cross[channel, at])
-    sums[0] = total
+@inlined
+def compare_rows(space, group, height, width, left, right, begin, end, lost):
+    """Compare the windows of four rows from `begin` to `end`; windows beyond the image have no derivatives."""
+    ring = AT_RING + (GROUP * group - RADIUS) % RING * MOMENTS
+    slopes = AT_SLOPES + (group + REACH) * GROUP * SLOPES
+    lane, nothing = ramp(), zeros()
+    owned = F(right - left + RADIUS)  # windows before and after belong to the strips beside
+    lost0, lost1, lost2, lost3 = nothing, nothing, nothing, nothing
+    for row in range(3 * GROUP):
+        clear(space, slopes + row * WINDOWS, slopes + row * WINDOWS + begin)
+        clear(space, slopes + row * WINDOWS + end, slopes + (row + 1) * WINDOWS)
+    for t in range(begin, end, LANES):
+        s0, s1, s2, s3 = blur_across(space, ring + t, MOMENTS)
+        d0, d1, d2, d3 = blur_across(space, ring + t + WINDOWS, MOMENTS)
+        ss0, ss1, ss2, ss3 = blur_across(space, ring + t + 2 * WINDOWS, MOMENTS)
+        dd0, dd1, dd2, dd3 = blur_across(space, ring + t + 3 * WINDOWS, MOMENTS)
+        place = lane + F(t)
+        mine = (place >= F(RADIUS)) & (place < owned)
+        out = slopes + t
+        lost0 = lost0 + select(mine, compare_windows(space, (s0, d0, ss0, dd0), out), nothing)
+        lost1 = lost1 + select(mine, compare_windows(space, (s1, d1, ss1, dd1), out + SLOPES), nothing)
+        lost2 = lost2 + select(mine, compare_windows(space, (s2, d2, ss2, dd2), out + 2 * SLOPES), nothing)
+        lost3 = lost3 + select(mine, compare_windows(space, (s3, d3, ss3, dd3), out + 3 * SLOPES), nothing)
+    beyond = width - left + RADIUS
+    for row in range(3 * GROUP):
+        if left == 0 and begin == 0:
+            store_first(space, slopes + row * WINDOWS, RADIUS, nothing)
+        for t in range(beyond, end, LANES):
+            store_first(space, slopes + row * WINDOWS + t, end - t, nothing)
+    clear(space, slopes + min(height - GROUP * group, GROUP) * SLOPES, slopes + GROUP * SLOPES)
+    totals = sums((lost0, lost1, lost2, lost3))
+    for row in range(min(height - GROUP * group, GROUP)):
+        lost[GROUP * group + row] = number(totals, row)
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
-def _assemble(image_row, target_row, unit, back, ssim_weight, l1_weight, out):
-    """Write one row of the gradient from the blurred derivatives, and give its sum of |I - G|."""
-    two = np.float32(2)
-    total = np.float32(0)
-    for x in range(len(target_row)):
-        a = image_row[x]
-        b = np.float32(target_row[x]) * unit
+@inlined
+def write(gradient, at, count, value):
+    """Write the first `count` of sixteen numbers, or all where there are more."""
+    if count >= LANES:
+        store(gradient, at, value)
+    else:
+        store_first(gradient, at, count, value)
+
+
+@inlined
+def gradient_row(
+    image,
+    image_at,
+    target,
+    target_at,
+    unit,
+    width,
+    left,
+    right,
+    begin,
+    end,
+    slopes,
+    space,
+    ssim_weight,
+    l1_weight,
+    gradient,
+):
+    """Write one row of the gradient, zero but from `begin` to `end`, where the derivatives were blurred across; give the row's L1."""
+    nothing = zeros()
+    l1 = nothing
+    for x in range(left, left + begin, LANES):
+        write(gradient, image_at + x, right - x, nothing)
+    for t in range(begin, end, LANES):
+        x = left + t
+        a, b = pixels(image, image_at + x, target, target_at + x, unit, width - x)
         difference = a - b
-        total += abs(difference)
-        sign = np.float32(difference > 0) - np.float32(difference < 0)
-        out[x] = ssim_weight * (back[0, x] + two * a * back[1, x] + b * back[2, x]) + l1_weight * sign
-    return total
+        at = slopes + t + RADIUS
+        slope = fma(a + b, blur_along(space, at + WINDOWS), blur_along(space, at))
+        slope = fma(difference, blur_along(space, at + 2 * WINDOWS), slope)
+        sign = select(difference > F(0), splat(l1_weight), select(difference < F(0), splat(-l1_weight), nothing))
+        write(gradient, image_at + x, right - x, fma(slope, splat(F(4) * ssim_weight), sign))
+        l1 = l1 + absolute(difference)
+    for x in range(left + (end + LANES - 1) // LANES * LANES, right, LANES):
+        write(gradient, image_at + x, right - x, nothing)
+    return l1
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
-def gradient_band(image, target, unit, top, bottom, d_mean, d_square, d_cross, ssim_weight, l1_weight, gradient, sums):
-    """Write the gradient of `l1_weight sum|I - G| + ssim_weight sum SSIM` at rows top to bottom, and sum |I - G|.
+@njit(cache=True, nogil=True)
+def compare_strip(
+    image,
+    image_at,
+    target,
+    target_at,
+    pitch,
+    unit,
+    height,
+    width,
+    left,
+    right,
+    ssim_weight,
+    l1_weight,
+    gradient,
+    space,
+    spans,
+    lost,
+    l1,
+):
+    """Compare a strip of columns, and write the gradient of `l1_weight sum|x - y| + ssim_weight sum SSIM`.
 
     Args:
-        image: (c, h, w) float32.
-        target: (c', h, w) of any number type.
+        image: flat float32.
+        image_at: where the channel begins; its rows lie `width` apart.
+        target: flat float32 or uint8.
+        target_at: where the channel begins.
+        pitch: from row to row of `target`.
         unit: float32 that turns a value of `target` into [0, 1].
-        top: first row.
-        bottom: one past the last row.
-        d_mean: (c', h, w) as `ssim_band` left it, like the next two.
-        d_square: see `d_mean`.
-        d_cross: see `d_mean`.
+        height: of the image.
+        width: of the image.
+        left: first column of the strip, a multiple of 16.
+        right: one past its last column; at most STRIP columns.
         ssim_weight: float32.
         l1_weight: float32.
-        gradient: (c, h, w) out; channels beyond the target's are left alone.
-        sums: (1,) float64 out, |I - G| summed over the band.
+        gradient: flat, laid out as `image`; out.
+        space: (strip_space(height),) float32 to work in.
+        spans: (4, strip_spans(height)) int64 to work in.
+        lost: (h,) float32 out, half of 1 - SSIM summed over each row.
+        l1: (h,) float32 out, |x - y| summed over each row.
     """
-    channels, height, width = target.shape
-    rows = bottom - top + 2 * RADIUS
-    blurred = np.zeros((3, rows, width), np.float32)
-    line = np.zeros(width + 2 * RADIUS, np.float32)
-    back = np.empty((3, width), np.float32)
-    total = 0.0
-    for channel in range(channels):
-        derivatives = (d_mean[channel], d_square[channel], d_cross[channel])
-        for quantity in range(3):
-            for row in range(rows):
-                source = top - RADIUS + row
-                if source < 0 or source >= height:
-                    blurred[quantity, row] = 0
-                    continue
-                line[RADIUS : RADIUS + width] = derivatives[quantity][source]
-                _blur_along(line, blurred[quantity, row])
-        for row in range(bottom - top):
-            for quantity in range(3):
-                _blur_across(blurred[quantity, row : row + 11], back[quantity])
-            at = top + row
-            out = gradient[channel, at]
-            total += _assemble(image[channel, at], target[channel, at], unit, back, ssim_weight, l1_weight, out)
-    sums[0] = total
+    groups = (height + GROUP - 1) // GROUP
+    mark(image, image_at, target, target_at, pitch, unit, height, width, left, right, spans)
+    low, high = spans[2], spans[3]
+    clear(space, 0, AT_RING)
+    clear(space, AT_SLOPES, AT_SLOPES + REACH * GROUP * SLOPES)
+    clear(space, AT_SLOPES + (groups + REACH) * GROUP * SLOPES, AT_SLOPES + (groups + 2 * REACH) * GROUP * SLOPES)
+    blurred = -REACH
+    for group in range(groups):
+        while blurred <= group + REACH:
+            begin, end = around(low, high, min(max(blurred, 0), groups - 1) + 2 * REACH)
+            for y in range(GROUP * blurred, GROUP * (blurred + 1)):
+                slot = AT_RING + y % RING * MOMENTS
+                if 0 <= y < height:
+                    a, b = image_at + y * width, target_at + y * pitch
+                    blur_row(image, a, target, b, unit, width, left, begin, end, space, slot)
+                else:
+                    clear_row(space, slot, begin, end)
+            blurred += 1
+        begin = min(low[group + 2 * REACH], WINDOWS)
+        end = max(high[group + 2 * REACH], begin)
+        compare_rows(space, group, height, width, left, right, begin, end, lost)
+    for group in range(groups):
+        begin, end = around(low, high, group + 2 * REACH)
+        begin, end = max(begin - LANES, 0), min(end, right - left)
+        if begin >= end:
+            begin, end = 0, 0
+        slopes = AT_SLOPES + ((group + REACH) * GROUP - RADIUS) * SLOPES
+        for t in range(begin, min(end + LANES, WINDOWS) if begin < end else 0, LANES):
+            for part in range(3):
+                at = AT_BLURRED + part * WINDOWS + t
+                s0, s1, s2, s3 = blur_across(space, slopes + part * WINDOWS + t, SLOPES)
+                store(space, at, s0)
+                store(space, at + SLOPES, s1)
+                store(space, at + 2 * SLOPES, s2)
+                store(space, at + 3 * SLOPES, s3)
+        for row in range(min(height - GROUP * group, GROUP)):
+            y = GROUP * group + row
+            a, b, blur = image_at + y * width, target_at + y * pitch, AT_BLURRED + row * SLOPES
+            total = gradient_row(
+                image, a, target, b, unit, width, left, right, begin, end, blur, space, ssim_weight, l1_weight, gradient
+            )
+            l1[y] = number(sums((total,)), 0)

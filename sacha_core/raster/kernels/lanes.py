@@ -27,16 +27,19 @@ __all__ = [
     "LANES",
     "absolute",
     "ceiling",
+    "every",
     "exponent",
     "floor",
     "fma",
     "load",
+    "load_first",
     "load_halves",
     "load_spread",
     "load_strided",
     "mantissa",
     "maximum",
     "minimum",
+    "number",
     "pack",
     "prefetch",
     "ramp",
@@ -45,6 +48,7 @@ __all__ = [
     "splat",
     "square_root",
     "store",
+    "store_first",
     "store_halves",
     "store_interleaved",
     "store_transposed",
@@ -64,6 +68,10 @@ INT = ir.IntType(32)
 VECTOR = ir.VectorType(FLOAT, LANES)
 INTS = ir.VectorType(INT, LANES)
 BITS = ir.VectorType(ir.IntType(1), LANES)
+LANE_KINDS = {
+    types.float32: (FLOAT, "f32", 4),
+    types.uint8: (ir.IntType(8), "i8", 1),
+}  # what `load` reads, its name and bytes
 
 
 class LanesType(types.Type):
@@ -110,13 +118,42 @@ def address(context, builder, array_type, array, index):
 
 @intrinsic
 def load(typingctx, array, index):
-    """Give the sixteen numbers of a flat float32 array that begin at `index`."""
+    """Give the sixteen numbers of a flat array, float32 or bytes, that begin at `index`."""
+    lane, _, width = LANE_KINDS[array.dtype]
 
     def codegen(context, builder, signature, args):
         pointer = address(context, builder, signature.args[0], args[0], args[1])
-        return builder.load(builder.bitcast(pointer, VECTOR.as_pointer()), align=4)
+        kind = ir.VectorType(lane, LANES)
+        value = builder.load(builder.bitcast(pointer, kind.as_pointer()), align=width)
+        return value if lane == FLOAT else builder.uitofp(value, VECTOR)
 
     return lanes_type(array, types.intp), codegen
+
+
+@intrinsic
+def load_first(typingctx, array, index, count):
+    """Give what `load` does, of which only the first `count` numbers are read; zero in the lanes beyond."""
+    lane, name, width = LANE_KINDS[array.dtype]
+
+    def codegen(context, builder, signature, args):
+        pointer = address(context, builder, signature.args[0], args[0], args[1])
+        kind = ir.VectorType(lane, LANES)
+        pointer = builder.bitcast(pointer, kind.as_pointer())
+        shape = ir.FunctionType(kind, [pointer.type, INT, BITS, kind])
+        function = cgutils.get_or_insert_function(builder.module, shape, f"llvm.masked.load.v16{name}.p0")
+        mask = lanes_below(builder, args[2])
+        value = builder.call(function, [pointer, INT(width), mask, ir.Constant(kind, None)])
+        return value if lane == FLOAT else builder.uitofp(value, VECTOR)
+
+    return lanes_type(array, types.intp, types.intp), codegen
+
+
+def lanes_below(builder, count):
+    """Give the mask of the first `count` lanes."""
+    empty = ir.Constant(INTS, ir.Undefined)
+    limit = builder.insert_element(empty, builder.trunc(count, INT), INT(0))
+    limit = builder.shuffle_vector(limit, empty, ir.Constant(INTS, None))
+    return builder.icmp_signed(">", limit, ir.Constant(INTS, [INT(lane) for lane in range(LANES)]))
 
 
 @intrinsic
@@ -129,6 +166,21 @@ def store(typingctx, array, index, value):
         return context.get_dummy_value()
 
     return types.void(array, types.intp, lanes_type), codegen
+
+
+@intrinsic
+def store_first(typingctx, array, index, count, value):
+    """Write the first `count` of sixteen numbers to a flat float32 array from `index` on."""
+
+    def codegen(context, builder, signature, args):
+        pointer = address(context, builder, signature.args[0], args[0], args[1])
+        pointer = builder.bitcast(pointer, VECTOR.as_pointer())
+        shape = ir.FunctionType(ir.VoidType(), [VECTOR, pointer.type, INT, BITS])
+        function = cgutils.get_or_insert_function(builder.module, shape, "llvm.masked.store.v16f32.p0")
+        builder.call(function, [args[3], pointer, INT(4), lanes_below(builder, args[2])])
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, types.intp, lanes_type), codegen
 
 
 @intrinsic
@@ -359,6 +411,27 @@ def some(typingctx, mask):
     def codegen(context, builder, signature, args):
         word = builder.bitcast(args[0], ir.IntType(LANES))
         return builder.icmp_unsigned("!=", word, ir.Constant(word.type, 0))
+
+    return types.boolean(mask_type), codegen
+
+
+@intrinsic
+def number(typingctx, x, lane):
+    """Give one lane as a float32."""
+
+    def codegen(context, builder, signature, args):
+        return builder.extract_element(*args)
+
+    return types.float32(lanes_type, types.intp), codegen
+
+
+@intrinsic
+def every(typingctx, mask):
+    """Are all lanes of the mask true?"""
+
+    def codegen(context, builder, signature, args):
+        word = builder.bitcast(args[0], ir.IntType(LANES))
+        return builder.icmp_unsigned("==", word, ir.Constant(word.type, (1 << LANES) - 1))
 
     return types.boolean(mask_type), codegen
 
