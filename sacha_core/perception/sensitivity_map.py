@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Int, UInt8
+from jaxtyping import Bool, Int16, UInt8
 from PIL import Image
 
 __all__ = ["resized_sensitivity", "sensitivity_map"]
@@ -13,9 +14,12 @@ __all__ = ["resized_sensitivity", "sensitivity_map"]
 GAMMA = 1.5
 EDGE = 0.05  # gradient magnitude, of an image in [0, 1], above which a pixel is an edge
 BLOCK = 5
+BAND = 64  # rows at a time
 FRACTION = 0.3  # of a block's pixels that must be edges, above which the block is sensitive
 
-_BRIGHTEN = np.rint(255 * (np.arange(256) / 255) ** (1 / GAMMA)).astype(np.uint8)
+_BRIGHTEN = np.rint(255 * (np.arange(256) / 255) ** (1 / GAMMA)).astype(np.uint8).tolist()
+_LEAST = math.floor((EDGE * 255) ** 2) + 1  # squared length of the shortest whole-numbered gradient that is an edge
+_ENOUGH = math.isqrt(_LEAST - 1) + 1  # of either part of a gradient, to be an edge whatever the other
 
 
 def sensitivity_map(
@@ -36,16 +40,20 @@ def sensitivity_map(
 
     Source: Zhou et al., Perceptual-GS, 2025.
     """
-    luma = _BRIGHTEN[np.asarray(Image.fromarray(image).convert("L"))].astype(np.int16)
-    edges = _squared_gradient(np.pad(luma, 1, mode="edge" if pad == "replicate" else "constant")) > (EDGE * 255) ** 2
-    height, width = edges.shape
+    luma = np.asarray(Image.fromarray(image).convert("L").point(_BRIGHTEN))
+    padded = np.pad(luma, 1, mode="edge" if pad == "replicate" else "constant")
+    height, width = luma.shape
+    edges = np.empty((height, width), bool)
+    for top in range(0, height, BAND):  # what lies between stays in the cache
+        edges[top : top + BAND] = _edges(padded[top : top + BAND + 2].astype(np.int16))
     rows, columns = height // BLOCK, width // BLOCK
     if not rows or not columns:
         return np.zeros((height, width), bool)
-    whole = edges[: rows * BLOCK, : columns * BLOCK].reshape(rows, BLOCK, columns, BLOCK)
-    blocks = whole.sum(axis=(1, 3)) > FRACTION * BLOCK * BLOCK
-    spread: np.ndarray = blocks[np.arange(height) * rows // height][:, np.arange(width) * columns // width]
-    return spread
+    whole = edges[: rows * BLOCK, : columns * BLOCK].view(np.uint8)
+    by_row = np.add.reduce([whole[step::BLOCK] for step in range(BLOCK)], dtype=np.uint8)
+    counts = np.add.reduce([by_row[:, step::BLOCK] for step in range(BLOCK)], dtype=np.uint8)
+    blocks = counts > FRACTION * BLOCK * BLOCK
+    return blocks.take(np.arange(height) * rows // height, axis=0).take(np.arange(width) * columns // width, axis=1)
 
 
 def resized_sensitivity(sensitive: Bool[np.ndarray, "h w"], width: int, height: int) -> UInt8[np.ndarray, "h2 w2"]:
@@ -62,11 +70,20 @@ def resized_sensitivity(sensitive: Bool[np.ndarray, "h w"], width: int, height: 
     return np.asarray(full if full.size == (width, height) else full.resize((width, height), Image.Resampling.BICUBIC))
 
 
-def _squared_gradient(padded: Int[np.ndarray, "h2 w2"]) -> Int[np.ndarray, "h w"]:
-    """Squared magnitude of the 3 x 3 Sobel gradient, in integers: no rounding stands between a pixel and the threshold."""
+def _edges(padded: Int16[np.ndarray, "h2 w2"]) -> Bool[np.ndarray, "h w"]:
+    """Mark where the 3 x 3 Sobel gradient is long, in integers: no rounding stands between a pixel and the threshold."""
     along = padded[:, 2:] - padded[:, :-2]
-    x = along[:-2] + 2 * along[1:-1] + along[2:]
+    x = along[1:-1] * np.int16(2)
+    x += along[:-2]
+    x += along[2:]
     down = padded[2:] - padded[:-2]
-    y = down[:, :-2] + 2 * down[:, 1:-1] + down[:, 2:]
-    magnitude: np.ndarray = np.square(x, dtype=np.int32) + np.square(y, dtype=np.int32)
-    return magnitude
+    y = down[:, 1:-1] * np.int16(2)
+    y += down[:, :-2]
+    y += down[:, 2:]
+    for part in (x, y):  # cut at what is enough, so that squares stay small
+        np.abs(part, out=part)
+        np.minimum(part, np.int16(_ENOUGH), out=part)
+        np.multiply(part, part, out=part)
+    x += y
+    edges: np.ndarray = x >= np.int16(_LEAST)
+    return edges

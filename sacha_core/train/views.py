@@ -113,8 +113,8 @@ class TrainingViews:
         sensitivity = resized_sensitivity(sensitivity_map(stored, self._pad), width, height)
         resized = stored.shape[:2] != (height, width)
         image = self._capture.image(view, width, height) if resized else stored
-        marked = (image != WHITE).any(axis=2) | (sensitivity != 0)
         planar = np.ascontiguousarray(image.transpose(2, 0, 1))
+        marked = (planar != WHITE).any(axis=0) | (sensitivity != 0)
         return Target(view.timestep, view.camera.resized(width, height), planar, sensitivity, box_of(marked))
 
 
