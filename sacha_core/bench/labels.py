@@ -20,14 +20,14 @@ STEPS = 16  # how many heights are tried on each side
 
 @dataclass(frozen=True)
 class Spot:
-    """A point that is to be labelled, in the axes' own numbers.
+    """A point, in the axes' own numbers.
 
     Args:
         x: where it lies.
         y: likewise.
         left: end of its bar, `x` where it has none.
         right: likewise.
-        text: what to write.
+        text: what to write beside it; nothing where this is empty, but no other label covers the point.
         colour: in which colour.
     """
 
@@ -57,7 +57,7 @@ def place_labels(axes: Axes, spots: list[Spot]) -> None:
         (left, y), (right, _) = pixels(spot.left, spot.y), pixels(spot.right, spot.y)
         marks.append(Bbox.from_extents(left - POINT, y - POINT, right + POINT, y + POINT))
     taken, room = list(marks), axes.get_window_extent()
-    for spot, mark in zip(spots, marks, strict=True):
+    for spot, mark in [(spot, mark) for spot, mark in zip(spots, marks, strict=True) if spot.text]:
         note = axes.annotate(
             spot.text, (spot.x, spot.y), fontsize=SIZE, color=spot.colour, va="center", annotation_clip=False
         )

@@ -28,6 +28,7 @@ COLUMNS = 2
 PANEL_INCHES = (5.4, 4.1)
 DOTS_PER_INCH = 90
 SMALL = 8  # points
+BAR = 0.8  # of the distance of bars
 TINTS = 12
 LEAST_DECADES = 1.0
 FEW_DECADES = 2.5  # below, powers of ten alone leave an axis nearly bare
@@ -83,7 +84,38 @@ def hex_rgb(colour: str) -> tuple[int, ...]:
 
 
 def fill(axes: Axes, panel: Panel, rows: list[Row]) -> None:
-    """Draw one panel: the points of each series with their quartiles, joined."""
+    """Draw one panel, with its titles, grid and legend."""
+    if panel.bars:
+        draw_bars(axes, panel, rows)
+    else:
+        draw_points(axes, panel, rows)
+    axes.set_title(panel.title, fontsize=10)
+    axes.set_xlabel(panel.x_label)
+    axes.set_ylabel(panel.y_label)
+    axes.grid(visible=True, which="major", axis="x" if panel.bars else "both", color="#dddddd", linewidth=0.7)
+    axes.set_axisbelow(True)
+    if any(handle.get_label() for handle in axes.get_legend_handles_labels()[0]):
+        axes.legend(fontsize=SMALL, framealpha=0.85)
+
+
+def draw_bars(axes: Axes, panel: Panel, rows: list[Row]) -> None:
+    """Draw rows as horizontal bars, the first on top, the series beside one another."""
+    every = series(panel, rows)
+    names = list(dict.fromkeys(cell(row[key]) for _, key, chosen in every for row in chosen))
+    height = BAR / len(every)
+    for k, (label, key, chosen) in enumerate(every):
+        places = [names.index(cell(row[key])) - BAR / 2 + (k + 0.5) * height for row in chosen]
+        axes.barh(
+            places, [row[panel.x] for row in chosen], height, color=COLOURS[k % len(COLOURS)], label=label or None
+        )
+    axes.set_yticks(range(len(names)), names, fontsize=SMALL)
+    axes.invert_yaxis()
+
+
+def draw_points(axes: Axes, panel: Panel, rows: list[Row]) -> None:
+    """Draw the points of each series with their quartiles, joined."""
+    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415 (slow to import)
+
     floors = floors_of(panel, rows)
     for k, (name, key, chosen) in enumerate(series(panel, rows)):
         x, y = along(chosen, panel.x, floors["x"]), along(chosen, key, floors["y"])
@@ -92,23 +124,18 @@ def fill(axes: Axes, panel: Panel, rows: list[Row]) -> None:
             color=COLOURS[k % len(COLOURS)], marker=MARKERS[k % len(MARKERS)], markersize=5, linestyle="-" if panel.joined else "",
             linewidth=1.3, elinewidth=1, capsize=2,
         )  # fmt: skip
-    axes.set_title(panel.title, fontsize=10)
-    axes.set_xlabel(panel.x_label)
-    axes.set_ylabel(panel.y_label)
-    axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.7)
-    axes.set_axisbelow(True)
     axes.margins(x=0.08, y=0.12)
     if panel.log_x:
         axes.set_xscale("log")
         scale(axes.xaxis, axes.axvline, floors["x"])
+    elif all(isinstance(row[panel.x], int) for row in rows):
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     if panel.log_y:
         axes.set_yscale("log")
         low, high = axes.get_ylim()
         wider = max(LEAST_DECADES - np.log10(high / low), 0) / 2  # so that noise does not look like a trend
         axes.set_ylim(low / 10**wider, high * 10**wider)
         scale(axes.yaxis, axes.axhline, floors["y"])
-    if any(handle.get_label() for handle in axes.get_legend_handles_labels()[0]):
-        axes.legend(fontsize=SMALL, framealpha=0.85)
 
 
 def series(panel: Panel, rows: list[Row]) -> list[tuple[str, str, list[Row]]]:
@@ -123,14 +150,15 @@ def series(panel: Panel, rows: list[Row]) -> list[tuple[str, str, list[Row]]]:
 
 
 def spots(panel: Panel, rows: list[Row]) -> list[Spot]:
-    """Give the points that get labels."""
+    """Give the points, with what is written beside them."""
     floors, found = floors_of(panel, rows), []
     assert panel.label is not None
+    first = next(iter(panel.ordinates))  # of several ordinates one, so that nothing is written twice
     for k, (_, key, chosen) in enumerate(series(panel, rows)):
         x, y = along(chosen, panel.x, floors["x"]), along(chosen, key, floors["y"])
         reach = bars(chosen, panel.x, x)
         left, right = (x, x) if reach is None else (x - reach[0], x + reach[1])
-        texts = [cell(row[panel.label]) for row in chosen]
+        texts = [cell(row[panel.label]) if key == first else "" for row in chosen]
         places = zip(x.tolist(), y.tolist(), left.tolist(), right.tolist(), texts, strict=True)
         found += [Spot(*place, COLOURS[k % len(COLOURS)]) for place in places]
     return found

@@ -39,14 +39,14 @@ class Preset:
         extent: `tiny` for tests, `quick` for `make bench`, `full` by hand.
         threads: how many threads at most; None for one on each processor.
         subject: an avatar to measure on instead of the made one, where a bench takes one (codec, playback).
-        capture: a capture to train on instead of the made one (train).
+        film: a capture to train on, with its head, instead of a made one (train).
         seed: of everything random.
     """
 
     extent: Extent = "quick"
     threads: int | None = None
     subject: Subject | None = None
-    capture: Capture | None = None
+    film: tuple[Capture, HeadModel] | None = None
     seed: int = 0
 
     def of(self, tiny: T, quick: T, full: T) -> T:

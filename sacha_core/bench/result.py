@@ -61,6 +61,7 @@ class Panel:
         log_y: logarithmic ordinate.
         joined: whether points of a series are joined by a line.
         growth: whether each series' legend gives the exponent fitted to its largest sizes.
+        bars: whether rows are horizontal bars of length `x`, named by `y`, instead of points.
     """
 
     title: str
@@ -75,6 +76,7 @@ class Panel:
     log_y: bool = True
     joined: bool = True
     growth: bool = False
+    bars: bool = False
 
     @property
     def ordinates(self) -> dict[str, str]:

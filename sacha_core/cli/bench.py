@@ -133,15 +133,18 @@ def preset(options: Options) -> Preset:
         OSError: a file cannot be read.
     """
     from sacha_core.bench.preset import Preset, Subject
-    from sacha_core.cli.sources import open_avatar
+    from sacha_core.cli.sources import capture_head, open_avatar
     from sacha_core.interchange.capture import read_capture
 
     subject = None
     if options.avatar is not None:
         opened = open_avatar(options.avatar, options.head)
         subject = Subject(opened.avatar, opened.head, options.avatar)
-    capture = None if options.dataset is None else read_capture(options.dataset)
-    return Preset("quick" if options.quick else "full", options.threads, subject, capture)
+    film = None
+    if options.dataset is not None:
+        capture = read_capture(options.dataset)
+        film = (capture, capture_head(capture, options.head))
+    return Preset("quick" if options.quick else "full", options.threads, subject, film)
 
 
 def run_one(name: str, chosen: Preset, console: Console) -> Record:

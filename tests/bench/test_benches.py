@@ -16,7 +16,7 @@ from sacha_core.progress import silent
 
 RASTER_KEYS = {"n", "height", "width", "channels", "threads", "forward_ms", "backward_ms", "total_ms", "max_error"}
 PIXEL = 2e-5  # float32 rounding of some tens of blended terms, as in the tests of the rasteriser
-MEASURED = ("raster", "posing", "codec")
+MEASURED = ("raster", "posing", "codec", "train")
 _found: dict[str, Bench] = {}
 
 
@@ -90,3 +90,22 @@ def test_better_levels_cost_more_bytes_and_show_a_better_picture() -> None:
     for key in ("total_kb", "gaussians_kb", "motion_kb", "psnr"):
         values = [row[key] for row in levels]
         assert values == sorted(values), key
+
+
+def test_training_takes_longer_than_its_drawing_and_its_stages_add_up() -> None:
+    rows = found("train").rows
+    assert all(row["raster_ratio"] > 1 for row in rows if row["table"] == "iteration")
+    for threads in (1, 2):
+        stages = {
+            row["stage"]: row["stage_ms"] for row in rows if row["table"] == "stages" and row["threads"] == threads
+        }
+        whole = stages.pop("the whole iteration")
+        assert 0 < sum(stages.values()) < whole
+
+
+def test_a_budget_names_what_came_of_it() -> None:
+    (row,) = (row for row in found("train").rows if row["table"] == "budget")
+    assert row["iterations"] == 20
+    assert row["train_s"] > 0
+    assert 5 < row["view_psnr"] < 60
+    assert 5 < row["expression_psnr"] < 60
