@@ -53,7 +53,9 @@ def sensitivity_map(
     by_row = np.add.reduce([whole[step::BLOCK] for step in range(BLOCK)], dtype=np.uint8)
     counts = np.add.reduce([by_row[:, step::BLOCK] for step in range(BLOCK)], dtype=np.uint8)
     blocks = counts > FRACTION * BLOCK * BLOCK
-    return blocks.take(np.arange(height) * rows // height, axis=0).take(np.arange(width) * columns // width, axis=1)
+    at_row, at_column = np.arange(height) * rows // height, np.arange(width) * columns // width
+    spread: np.ndarray = blocks.take(at_row, axis=0).take(at_column, axis=1)
+    return spread
 
 
 def resized_sensitivity(sensitive: Bool[np.ndarray, "h w"], width: int, height: int) -> UInt8[np.ndarray, "h2 w2"]:
