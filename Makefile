@@ -5,7 +5,7 @@ PIP_QUIET := --quiet --disable-pip-version-check
 
 SHAPED := $(addprefix tests/,avatar density evaluate flame geometry interchange regions)
 
-.PHONY: demo test quick shapes lint bench install clean
+.PHONY: demo test quick shapes lint bench bench-page install clean
 
 demo: install
 	$(BIN)/sacha demo --out out/demo
@@ -26,8 +26,13 @@ lint: install
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# Every bench in its quick preset: tables, plots and a page that joins them. For more, `sacha bench all` without --quick.
 bench: install
-	$(BIN)/python benchmarks/raster.py --rounds 9 --plain-rounds 1
+	$(BIN)/sacha bench all --quick --out out/bench
+
+# The same, put into the performance page.
+bench-page: bench
+	$(BIN)/sacha bench page out/bench --out docs/performance.md
 
 install: .venv/.installed
 

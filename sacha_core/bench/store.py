@@ -88,8 +88,14 @@ def page(records: Mapping[str, Record], pictures: str = "") -> str:
     known = [load for load in loads if load is not None]
     busy = f" Load average as each began: {min(known)} to {max(known)}." if known else ""
     head = f"Measured on {'; and on '.join(machines)}. Preset `{presets}`, {total / 60:.0f} minutes in all.{busy}\n"
+    contents = "\n".join(f"- [{r.title}](#{anchor(r.title)})" for _, r in in_order(records)) + "\n"
     bodies = [section(r, f"{pictures}{name}.png" if r.bench.panels else None) for name, r in in_order(records)]
-    return "\n".join([head, *bodies])
+    return "\n".join([head, contents, *bodies])
+
+
+def anchor(title: str) -> str:
+    """Give the link to a heading, as GitHub makes it."""
+    return "".join(letter for letter in title.lower().replace(" ", "-") if letter.isalnum() or letter in "-_")
 
 
 def in_order(records: Mapping[str, Record]) -> list[tuple[str, Record]]:

@@ -181,37 +181,45 @@ def tell(record: Record, console: Console) -> None:
 
 
 def run_all(options: Options, console: Console) -> dict[str, Any]:
-    """Run every bench into a folder; one that cannot run here is named, and the others go on.
+    """Run every bench into a folder; of one that cannot run here that is said, and the others go on.
 
     Raises:
-        SachaError: the avatar or the capture is broken, or no bench could run.
+        SachaError: the avatar or the capture is broken.
         OSError: a file cannot be read or written.
     """
     from sacha_core.bench.registry import BENCHES
     from sacha_core.bench.store import write_bench, write_index
 
     folder, chosen = options.out or FOLDER, preset(options)
-    records, left_out = {}, {}
-    broken: list[str] = []
+    records: dict[str, Record] = {}
+    left_out: dict[str, str] = {}
     for name in BENCHES:
         try:
             record = run_one(name, chosen, console)
         except OptionError as error:  # no device, say: nothing that measuring the others would suffer from
-            left_out[name] = str(error)
-            console.say(f"{name:10} not run: {error}")
-            continue
+            left_out[name] = " ".join(str(error).split())
+            record = not_run(name, chosen, left_out[name])
         records[name] = record
         write_bench(record, folder)
-        console.say(f"{name:10} {record.seconds:6.1f} s  {folder / name}.md")
-        broken += [f"{name}: {what}" for what in record.bench.broken]
-    if not records:
-        raise OptionError("; ".join(left_out.values()))
+        note = f"not run: {left_out[name]}" if name in left_out else f"{record.seconds:6.1f} s  {folder / name}.md"
+        console.say(f"{name:10} {note}")
     write_index(records, folder)
     console.wrote("page", folder / "index.md")
+    broken = [f"{name}: {what}" for name, record in records.items() for what in record.bench.broken]
     for what in broken:
         sys.stderr.write(f"sacha bench {what} does not hold\n")
-    seconds = {name: record.seconds for name, record in records.items()}
+    seconds = {name: record.seconds for name, record in records.items() if name not in left_out}
     return {"folder": folder, "seconds_of": seconds, "left_out": left_out, "broken": broken}
+
+
+def not_run(name: str, chosen: Preset, why: str) -> Record:
+    """Give the record of a bench that cannot run here."""
+    from sacha_core.bench.machine import describe
+    from sacha_core.bench.registry import load
+    from sacha_core.bench.result import Bench
+    from sacha_core.bench.store import Record
+
+    return Record(name, load(name).TITLE, chosen.extent, 0.0, describe(), Bench([], (), notes=(f"Not run: {why}.",)))
 
 
 def compare(options: Options, console: Console) -> dict[str, Any]:

@@ -53,6 +53,7 @@ def test_a_folder_holds_tables_pictures_and_an_index(folder: Path) -> None:
         in index
     )
     assert "| 10 | 20.0 |" in index
+    assert "- [The raster](#the-raster)\n- [The codec](#the-codec)" in index
     assert "![The codec](codec.png)" in index
     assert "skips.png" not in index
     assert "load average 0.5 at the start" in (folder / "codec.md").read_text()

@@ -65,9 +65,12 @@ def test_all_go_into_a_folder_but_what_cannot_run_here(call, benches, tmp_path: 
     done = call("bench", "all", "--quick", "--out", tmp_path / "out")
     assert done.status == 0, done.err
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert names == {"raster.json", "raster.md", "raster.png", "stability.json", "stability.md", "index.md"}
-    assert done.report["left_out"] == {"cuda": "no device\nwas found"}
-    assert "cuda       not run: no device" in done.out
+    assert names == {
+        "raster.json", "raster.md", "raster.png", "stability.json", "stability.md", "cuda.json", "cuda.md", "index.md",
+    }  # fmt: skip
+    assert done.report["left_out"] == {"cuda": "no device was found"}
+    assert "cuda       not run: no device was found\n" in done.out
+    assert "## Device\n\n- Not run: no device was found.\n" in (tmp_path / "out" / "index.md").read_text()
 
 
 def test_what_does_not_hold_is_named_and_ends_with_status_1(call, benches, tmp_path: Path) -> None:
