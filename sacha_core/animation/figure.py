@@ -21,6 +21,7 @@ from sacha_core.raster.harmonics import sh_colours
 from sacha_core.raster.kernels.layout import ALPHA_MIN
 from sacha_core.raster.pool import Pool
 from sacha_core.raster.splats import Splats
+from sacha_core.stopwatch import Stopwatch, timed
 
 __all__ = ["Figure"]
 
@@ -38,6 +39,7 @@ class Figure:
         degree: highest degree of the harmonics to use; None for all there are.
         colours: (n, 3) to draw instead of the Gaussians' own.
         turn_tolerance_rad: colours are used again until the view of some triangle has turned by more than this.
+        stopwatch: told of `pose`, `carry` and `colour`.
 
     Raises:
         HeadError: the motion has components or vertex offsets that the head lacks.
@@ -53,6 +55,7 @@ class Figure:
         degree: int | None = None,
         colours: Float[np.ndarray, "n 3"] | None = None,
         turn_tolerance_rad: float = 0.0,
+        stopwatch: Stopwatch | None = None,
     ) -> None:
         if colours is not None and colours.shape != (len(gaussians), 3):
             raise OptionError(f"colours have shape {colours.shape}, expected {(len(gaussians), 3)}")
@@ -61,7 +64,7 @@ class Figure:
         gaussians.validate(head.n_faces)
         opacities = sigmoid(gaussians.opacity_logit)
         shown = np.flatnonzero(opacities >= ALPHA_MIN)
-        self._pool, self._posed = pool, PosedHead(head, motion, pool)
+        self._pool, self._posed, self._watch = pool, PosedHead(head, motion, pool), stopwatch
         self._gaussians = gaussians = gaussians.select(shown)
         self._opacities = opacities[shown]
         with np.errstate(over="ignore"):  # a Gaussian without end is culled when it is drawn
@@ -93,7 +96,8 @@ class Figure:
         Raises:
             GeometryError: it makes a triangle degenerate.
         """
-        pose = self._posed.pose(expression, vectors, translation)
+        with timed(self._watch, "pose"):
+            pose = self._posed.pose(expression, vectors, translation)
         frames, gaussians, bounds = pose.frames, self._gaussians, self._bounds
         self._origins, self._posed_anew = frames.origin, True
 
@@ -103,7 +107,8 @@ class Figure:
                 frames.rotation, frames.scale, frames.origin, pose.quaternions, *self._world,
             )  # fmt: skip
 
-        self._pool.run(job, len(bounds) - 1)
+        with timed(self._watch, "carry"):
+            self._pool.run(job, len(bounds) - 1)
 
     def splats(self, centre: Float[np.ndarray, "3"]) -> Splats:
         """Give what to draw in the last pose, seen from a place; the arrays hold until the next pose.
@@ -114,9 +119,10 @@ class Figure:
         if self._given_colours is not None:
             return Splats(*self._world, self._opacities, self._given_colours)
         if self._colours_are_stale(centre):
-            self._colours = sh_colours(
-                self._gaussians.sh_dc, self._gaussians.sh_rest, self._world[0], centre, self._degree, self._pool
-            )
+            with timed(self._watch, "colour"):
+                self._colours = sh_colours(
+                    self._gaussians.sh_dc, self._gaussians.sh_rest, self._world[0], centre, self._degree, self._pool
+                )
             self._coloured_from = self._origins.copy(), centre.copy()
         self._posed_anew = False
         return Splats(*self._world, self._opacities, self._colours)

@@ -23,6 +23,7 @@ from sacha_core.flame.shelf import find_head
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import Rasteriser
+from sacha_core.stopwatch import Stopwatch, timed
 
 __all__ = ["PlayOptions", "Player"]
 
@@ -62,6 +63,7 @@ class Player:
         motion: what it does, in groups or whole; None for the head at rest.
         options: how it is drawn.
         colours: (n, 3) to draw instead of the Gaussians' own.
+        stopwatch: told of the stages of a frame.
 
     Raises:
         FormatError: a Gaussian is not finite, or bound to a triangle that the head lacks.
@@ -76,6 +78,7 @@ class Player:
         motion: MotionSource | Motion | None = None,
         options: PlayOptions | None = None,
         colours: Float[np.ndarray, "n 3"] | None = None,
+        stopwatch: Stopwatch | None = None,
     ) -> None:
         options = options or PlayOptions()
         if motion is None:
@@ -86,22 +89,30 @@ class Player:
         self._rasteriser = Rasteriser(options.threads)
         self._background = np.broadcast_to(np.asarray(options.background, np.float32), 3)
         self._canvas = Canvas(self._background, options.dtype, self._pool)
-        turn = math.radians(options.colour_turn_deg)
-        self._figure = Figure(gaussians, head, self.motion.still(), self._pool, options.sh_degree, colours, turn)
+        turn, self._watch = math.radians(options.colour_turn_deg), stopwatch
+        still = self.motion.still()
+        self._figure = Figure(gaussians, head, still, self._pool, options.sh_degree, colours, turn, stopwatch)
         self._posed: bytes | None = None  # parameters of the pose that the figure has
         self._seen: tuple[object, ...] | None = None  # camera of the last picture
         self._picture = np.empty((0, 0, 3), options.dtype)
-        self._head, self._group = head, self.motion.still()  # a group of the motion that the head was found to fit
+        self._head, self._group = head, still  # a group of the motion that the head was found to fit
         self._groups = GroupsAhead(self.motion)
 
     @classmethod
-    def open(cls, source: Source, head: HeadModel | None = None, options: PlayOptions | None = None) -> Player:
+    def open(
+        cls,
+        source: Source,
+        head: HeadModel | None = None,
+        options: PlayOptions | None = None,
+        stopwatch: Stopwatch | None = None,
+    ) -> Player:
         """Open a `.sacha` file; its motion is decoded while it plays, so opening takes as long for a short one as for a long one.
 
         Args:
             source: the bytes of the file, or its path.
             head: the head that it is bound to; by default the one inside the file, else one that was used before.
             options: how it is drawn.
+            stopwatch: told of the stages of a frame.
 
         Raises:
             FormatError: the file is damaged.
@@ -112,7 +123,7 @@ class Player:
         if head is None:
             head = find_head(inspect(data).head, None, embedded_head(data))
         stream = open_stream(data, head=head)
-        return cls(stream.gaussians, head, stream.motion, options)
+        return cls(stream.gaussians, head, stream.motion, options, stopwatch=stopwatch)
 
     def __len__(self) -> int:
         """Give the number of frames."""
@@ -173,7 +184,8 @@ class Player:
 
     def _pose(self, index: int) -> bool:
         """Take the pose of a frame; tell whether that is another than the figure had."""
-        motion, row = self._groups.frame(index)
+        with timed(self._watch, "motion"):
+            motion, row = self._groups.frame(index)
         if motion is not self._group:
             fit_components(motion.expression, self._head.exprdirs.shape[2], "expression", self._head)
             self._group = motion
@@ -194,10 +206,13 @@ class Player:
         splats = self._figure.splats(np.asarray(camera.centre, np.float32))
         left, top, width, height = 0, 0, camera.width, camera.height
         if self._options.crop:
-            left, top, width, height = self._rasteriser.bounds(splats, camera)
+            with timed(self._watch, "bounds"):
+                left, top, width, height = self._rasteriser.bounds(splats, camera)
         part = camera.crop(left, top, width, height)
-        frame = self._rasteriser.forward(splats, part, self._background)
-        return self._canvas.show(frame.image, left, top, camera.width, camera.height)
+        with timed(self._watch, "draw"):
+            frame = self._rasteriser.forward(splats, part, self._background)
+        with timed(self._watch, "picture"):
+            return self._canvas.show(frame.image, left, top, camera.width, camera.height)
 
 
 def _identity(camera: Camera) -> tuple[object, ...]:

@@ -16,7 +16,7 @@ from sacha_core.progress import silent
 
 RASTER_KEYS = {"n", "height", "width", "channels", "threads", "forward_ms", "backward_ms", "total_ms", "max_error"}
 PIXEL = 2e-5  # float32 rounding of some tens of blended terms, as in the tests of the rasteriser
-MEASURED = ("raster", "posing", "codec", "train")
+MEASURED = ("raster", "posing", "codec", "train", "playback")
 _found: dict[str, Bench] = {}
 
 
@@ -109,3 +109,16 @@ def test_a_budget_names_what_came_of_it() -> None:
     assert row["train_s"] > 0
     assert 5 < row["view_psnr"] < 60
     assert 5 < row["expression_psnr"] < 60
+
+
+def test_playing_shows_what_the_plain_way_shows_and_keeping_colours_nearly() -> None:
+    rows = {row["case"]: row for row in found("playback").rows if row["table"] == "playing"}
+    for name, row in rows.items():
+        assert row["rare_error"] < (0.05 if "kept" in name else PIXEL), name
+    assert rows["nothing moves"]["frame_busy_ms"] < rows["usual"]["frame_busy_ms"] / 5
+    assert rows["camera moves, colours kept within 2°"]["rare_error"] > 10 * rows["camera moves"]["rare_error"]
+
+
+def test_stages_of_playing_account_for_the_frame() -> None:
+    shares = [row["share_ratio"] for row in found("playback").rows if row["table"] == "stages"]
+    assert 0.5 < sum(shares) < 1.2
