@@ -26,7 +26,7 @@ def compare_runs(first: Mapping[str, Record], second: Mapping[str, Record]) -> l
         second: likewise.
 
     Returns:
-        A row for every time of every common row, with the ratio of medians second over first; and one for every other figure that differs.
+        A row for every time of every common row, with the ratios of medians, second over first; and one for every other figure that differs.
     """
     rows: list[Row] = []
     for name in first:
@@ -51,19 +51,25 @@ def comparison(rows: list[Row]) -> Bench:
     identity = ("bench", "part", "row", "figure")
     tables = (
         Table("times", "Medians of both runs, milliseconds.",
-              (*columns, Column("ratio", "second / first", 2), Column("agree", "quartiles meet")), identity),
+              (*columns, Column("ratio", "second / first", 2), Column("busy_ratio", "of processor time", 2),
+               Column("agree", "quartiles meet")), identity),
         Table("figures", "Figures that do not depend on speed, yet differ.", columns, identity),
     )  # fmt: skip
     notes = [f"{len(times)} times compared, {len(others)} other figures differ."]
     if times:
-        ratios = np.array([row["ratio"] for row in times])
         apart = sum(row["agree"] is False for row in times)
-        low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
         notes.append(
-            f"Second over first: median {middle:.2f}, nine tenths between {low:.2f} and {high:.2f}; "
-            f"the quartiles of {apart} ({apart / len(times):.0%}) do not meet."
+            f"Second over first: {_spread('ratio', times)}; the quartiles of {apart} ({apart / len(times):.0%}) do not meet."
         )
+        if busy := [row for row in times if row["busy_ratio"] is not None]:
+            notes.append(f"Of processor time: {_spread('busy_ratio', busy)}.")
     return Bench(rows, tables, (), tuple(notes))
+
+
+def _spread(key: str, rows: list[Row]) -> str:
+    """Say how some ratios are spread."""
+    low, middle, high = np.quantile([row[key] for row in rows], (0.05, 0.5, 0.95))
+    return f"median {middle:.2f}, nine tenths between {low:.2f} and {high:.2f}"
 
 
 def _identity(table: Table, row: Row) -> tuple[Any, ...]:
@@ -81,10 +87,17 @@ def _compared(about: Row, table: Table, row: Row, other: Row) -> list[Row]:
         pair = {**about, "figure": key, "first": value, "second": other.get(key)}
         if key.endswith("_ms") and not key.endswith(SPREAD):
             if value and other.get(key):
-                found.append({"table": "times", **pair, "ratio": other[key] / value, "agree": _meet(key, row, other)})
+                ratios = {"ratio": other[key] / value, "busy_ratio": _busy_ratio(key, row, other)}
+                found.append({"table": "times", **pair, **ratios, "agree": _meet(key, row, other)})
         elif not _is_timing(key) and key not in table.identity and value != other.get(key):
             found.append({"table": "figures", **pair})
     return found
+
+
+def _busy_ratio(key: str, row: Row, other: Row) -> float | None:
+    """Give the ratio of processor times; None where they are not known, or were too short to be measured."""
+    busy = f"{key.removesuffix('_ms')}_busy_ms"
+    return other[busy] / row[busy] if row.get(busy) and other.get(busy) else None
 
 
 def _meet(key: str, row: Row, other: Row) -> bool | None:

@@ -16,6 +16,7 @@ from sacha_core.errors import OptionError
 
 if TYPE_CHECKING:
     from sacha_core.bench.preset import Preset
+    from sacha_core.bench.result import Bench
     from sacha_core.bench.store import Record
 
 __all__ = ["Options", "run"]
@@ -164,20 +165,25 @@ def run_one(name: str, chosen: Preset, console: Console) -> Record:
 
 
 def tell(record: Record, console: Console) -> None:
-    """Say what a bench found: the machine, the tables, the notes."""
+    """Say what a bench found, with the machine, and on stderr what does not hold."""
     from sacha_core.bench.machine import sentence
-    from sacha_core.bench.table import cells
 
     console.say(f"{record.title}\n{sentence(record.machine)}\n")
-    for one in record.bench.tables:
-        rows = record.bench.of(one)
-        if rows:
-            console.say(f"{one.caption}\n")
-            console.say(table(*cells(one, rows)) + "\n")
-    for note in record.bench.notes:
-        console.say(f"- {note}")
+    tell_tables(record.bench, console)
     for name in record.bench.broken:
         sys.stderr.write(f"sacha bench {record.name}: {name} does not hold\n")
+
+
+def tell_tables(bench: Bench, console: Console) -> None:
+    """Say tables that have rows, and notes."""
+    from sacha_core.bench.table import cells
+
+    for one in bench.tables:
+        if rows := bench.of(one):
+            console.say(f"{one.caption}\n")
+            console.say(table(*cells(one, rows)) + "\n")
+    for note in bench.notes:
+        console.say(f"- {note}")
 
 
 def run_all(options: Options, console: Console) -> dict[str, Any]:
@@ -233,13 +239,7 @@ def compare(options: Options, console: Console) -> dict[str, Any]:
     from sacha_core.bench.store import read_runs
 
     found = comparison(compare_runs(*(read_runs(path) for path in options.paths)))
-    for one in found.tables:
-        console.say(f"{one.caption}\n")
-        from sacha_core.bench.table import cells
-
-        console.say(table(*cells(one, found.of(one))) + "\n")
-    for note in found.notes:
-        console.say(f"- {note}")
+    tell_tables(found, console)
     return {"rows": found.rows, "notes": found.notes}
 
 

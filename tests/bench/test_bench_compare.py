@@ -47,6 +47,7 @@ def test_times_beyond_the_quartiles_and_figures_that_differ_are_told() -> None:
         "a_q1_ms": 10.9,
         "a_q3_ms": 13.0,
         "a_min_ms": 1.0,
+        "a_busy_ms": 9.0,
         "exponent": 2.0,
     }  # meets 9 to 11
     second.bench.rows[1] |= {"a_ms": 30.0, "a_q1_ms": 21.5, "a_q3_ms": 31.0, "max_error": 3e-6}
@@ -54,6 +55,8 @@ def test_times_beyond_the_quartiles_and_figures_that_differ_are_told() -> None:
     times = {row["row"]: row for row in rows if row["table"] == "times"}
     assert times["n 1"]["ratio"] == pytest.approx(1.2)
     assert times["n 1"]["agree"]
+    assert times["n 1"]["busy_ratio"] == pytest.approx(0.9)
+    assert times["n 2"]["busy_ratio"] is None
     assert times["n 2"]["ratio"] == pytest.approx(1.5)
     assert times["n 2"]["agree"] is False
     others = [row for row in rows if row["table"] == "figures"]
