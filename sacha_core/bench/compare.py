@@ -26,7 +26,7 @@ def compare_runs(first: Mapping[str, Record], second: Mapping[str, Record]) -> l
         second: likewise.
 
     Returns:
-        A row for every time of every common row, with the ratios of medians, second over first; and one for every other figure that differs.
+        A row for every time of every common row, with the ratios of medians, second over first; one for every other figure that differs.
     """
     rows: list[Row] = []
     for name in first:
