@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from sacha_core.cli.common import Common, HeadSource
+from sacha_core.cli.common import Common, HeadSource, MaybePath
 from sacha_core.cli.console import Console, table
 from sacha_core.errors import OptionError, SachaError
 
@@ -32,10 +32,10 @@ PACKAGES = {  # package: what it is needed for; the first ones are needed for ev
     "xatlas": "unwrapping heads without texture coordinates",
     "tyro": "this command line",
     "rich": "progress bars",
-    "torch": "train",
+    "torch": "training on a CUDA device",
     "av": "render --video",
     "matplotlib": "figures",
-    "gsplat": "training on a CUDA device",
+    "gsplat": "drawing on it",
     "bpy": "Blender's own Python module",
 }
 REQUIRED = 5
@@ -54,7 +54,7 @@ class Options:
     lies where the images show the person.
     """
 
-    dataset: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="DATASET")] = None
+    dataset: Annotated[MaybePath, tyro.conf.Positional, tyro.conf.arg(metavar="DATASET")] = None
     """A capture in GaussianAvatars' layout."""
 
     head: HeadSource = field(default_factory=HeadSource)
@@ -82,6 +82,7 @@ def check_installation(console: Console) -> dict[str, Any]:
     """
     from sacha_core import __version__
     from sacha_core.flame.shelf import shelf_folder
+    from sacha_core.train.cuda.available import missing
 
     versions = {package: version_of(package) for package in PACKAGES}
     shelf = shelf_folder()
@@ -95,11 +96,11 @@ def check_installation(console: Console) -> dict[str, Any]:
     ]
     console.say(table(("package", "version", "needed for"), rows, numbers=0))
     console.say(f"\nheads        {len(heads)} in {shelf}")
-    missing = [package for package in list(PACKAGES)[:REQUIRED] if versions[package] is None]
-    if missing:
-        raise SachaError(f"{' and '.join(missing)} missing; install with: pip install sacha")
-    if versions["torch"] is None:
-        console.say("training      needs torch: pip install 'sacha[train]'")
+    absent = [package for package in list(PACKAGES)[:REQUIRED] if versions[package] is None]
+    if absent:
+        raise SachaError(f"{' and '.join(absent)} missing; install with: pip install sacha")
+    lack = missing()
+    console.say("training     on the CUDA device" if lack is None else f"training     on the CPU; not on CUDA: {lack}")
     return {
         "sacha": __version__,
         "python": platform.python_version(),
@@ -108,6 +109,8 @@ def check_installation(console: Console) -> dict[str, Any]:
         "packages": versions,
         "head_folder": shelf,
         "n_heads": len(heads),
+        "device": "cuda" if lack is None else "cpu",
+        "no_cuda_because": lack,
     }
 
 

@@ -22,6 +22,7 @@ from sacha_core.interchange.capture import read_capture
 from sacha_core.interchange.gaussian_avatars import read_flame_param, read_model
 from sacha_core.interchange.splat_ply import read_bound_ply
 from sacha_core.npz import write_npz
+from sacha_core.train.cuda.available import missing
 from sacha_core.train.presets import VARIANTS
 
 Call = Callable[..., object]
@@ -288,6 +289,9 @@ def test_doctor_lists_packages(done) -> None:
     outcome = done("doctor")
     assert outcome.report["packages"]["numpy"] == np.__version__
     assert f"numpy         {np.__version__}" in outcome.out
+    lack = missing()
+    assert (outcome.report["device"], outcome.report["no_cuda_because"]) == ("cuda" if lack is None else "cpu", lack)
+    assert (lack or "training     on the CUDA device") in outcome.out
 
 
 def test_doctor_finds_the_head_inside_the_masks(done, capture: Path) -> None:
