@@ -19,6 +19,7 @@ from sacha_core.raster.kernels.project import project
 from sacha_core.raster.pool import Pool, even_ranges
 from sacha_core.raster.splats import Splats
 from sacha_core.raster.view import lane_coordinates, tile_grid, view_parameters
+from sacha_core.stopwatch import Stopwatch, timed
 
 __all__ = ["Binner", "Bins"]
 
@@ -85,13 +86,15 @@ class Binner:
         pool: threads.
         buffers: where arrays are kept from call to call.
         near: what is closer is left out, metres.
+        stopwatch: told how long the stages take.
     """
 
-    def __init__(self, pool: Pool, buffers: Buffers, near: float) -> None:
+    def __init__(self, pool: Pool, buffers: Buffers, near: float, stopwatch: Stopwatch | None = None) -> None:
         self.serial = 0
         self._pool = pool
         self._space = buffers.space
         self._near = near
+        self._watch = stopwatch
         self._keys_per_gaussian = KEYS_PER_GAUSSIAN
 
     def bin(self, splats: Splats, camera: Camera) -> Bins:
@@ -104,14 +107,16 @@ class Binner:
         projection, n, space = self._project(splats, camera), len(splats), self._space
         order, swap = space("order", n, np.int32), space("swap", n, np.int32)
         histogram = space("histogram", PASSES * BUCKETS, np.int64)
-        n_seen = sort_by_depth(projection.depths.view(np.uint32), n, order, swap, histogram)
+        with timed(self._watch, "sort"):
+            n_seen = sort_by_depth(projection.depths.view(np.uint32), n, order, swap, histogram)
         columns, rows = tile_grid(camera)
         tiles = columns * rows
         chunks = even_ranges(n_seen, JOBS_PER_THREAD * self._pool.threads)
         cursors = space("cursors", (len(chunks) - 1) * tiles, np.int32).reshape(-1, tiles)
         span = space("span", 2 * n, np.int32)
         span[:] = 0
-        keys, room, used = self._emit(projection, order, chunks, columns, cursors, span)
+        with timed(self._watch, "emit"):
+            keys, room, used = self._emit(projection, order, chunks, columns, cursors, span)
         start = space("start", tiles + 1, np.int64)
         count_up(cursors, start)
         entries = space("entries", sum(used) + ENTRIES_AHEAD, np.int64)
@@ -119,7 +124,8 @@ class Binner:
         def job(_: int, k: int) -> None:
             deal(keys[k * room :], used[k], k * room, cursors[k], entries)
 
-        self._pool.run(job, len(used))
+        with timed(self._watch, "deal"):
+            self._pool.run(job, len(used))
         x_lanes, y_lanes = lane_coordinates(camera)
         return Bins(
             projection, span.reshape(n, 2), len(keys), start, entries, self._tile_ranges(start), space("done", tiles, np.int64),
@@ -154,7 +160,8 @@ class Binner:
         def job(_: int, k: int) -> None:
             project(*inputs, n, splats.channels, view, chunks[k], chunks[k + 1], records, depths)
 
-        self._pool.run(job, len(chunks) - 1)
+        with timed(self._watch, "project"):
+            self._pool.run(job, len(chunks) - 1)
         return Projection(view, inputs, chunks, records, depths)
 
     def _emit(

@@ -17,6 +17,7 @@ from sacha_core.raster.kernels.layout import RECORD
 from sacha_core.raster.kernels.project_backward import GATHER_SCRATCH, gather_weights, project_backward
 from sacha_core.raster.pool import Pool
 from sacha_core.raster.splats import MAX_CHANNELS, SplatGradients, Splats
+from sacha_core.stopwatch import Stopwatch, timed
 
 __all__ = ["NEAR", "Frame", "Rasteriser", "Splats"]
 
@@ -56,16 +57,30 @@ class Rasteriser:
     The result does not depend on the number of threads, to the bit.
 
     Args:
-        threads: how many threads; None for one on each processor.
+        threads: how many threads; None for one on each processor, or those of `pool`.
         near: what is closer to the camera's plane than this is not drawn, metres.
+        pool: threads that others use too, never at the same time; None for threads of its own.
+        stopwatch: told how long the stages take: project, sort, deal, blend, blend backward, project backward.
+
+    Raises:
+        OptionError: `threads` is below 1, or differs from the pool's.
 
     Source: Kerbl et al., 3D Gaussian Splatting, SIGGRAPH 2023; thresholds and the clamped Jacobian as gsplat has them.
     """
 
-    def __init__(self, threads: int | None = None, near: float = NEAR) -> None:
-        self._pool = Pool(threads)
+    def __init__(
+        self,
+        threads: int | None = None,
+        near: float = NEAR,
+        pool: Pool | None = None,
+        stopwatch: Stopwatch | None = None,
+    ) -> None:
+        self._pool = pool or Pool(threads)
+        if threads not in (None, self._pool.threads):
+            raise OptionError(f"{threads} threads were asked for, but the pool given has {self._pool.threads}")
         self._buffers = Buffers()
-        self._binner = Binner(self._pool, self._buffers, near)
+        self._watch = stopwatch
+        self._binner = Binner(self._pool, self._buffers, near, stopwatch)
         self.near = near
 
     @property
@@ -102,7 +117,8 @@ class Rasteriser:
                 image.ravel(), transmittance.ravel(), camera.width, camera.height, bins.done, scratch[worker],
             )  # fmt: skip
 
-        self._pool.run(job, len(ranges) - 1)
+        with timed(self._watch, "blend"):
+            self._pool.run(job, len(ranges) - 1)
         return Frame(image, transmittance, bins.span[:, 1] > 0, splats, camera, constants, bins)
 
     def backward(
@@ -138,7 +154,8 @@ class Rasteriser:
                 upstream, upstream_t, sums, scratch[worker],
             )  # fmt: skip
 
-        self._pool.run(job, len(ranges) - 1)
+        with timed(self._watch, "blend backward"):
+            self._pool.run(job, len(ranges) - 1)
         return self._project_backward(frame, sums)
 
     def colour_weights(self, frame: Frame, pixel_weights: Float[np.ndarray, "m h w"]) -> Float[np.ndarray, "n m"]:
@@ -206,7 +223,8 @@ class Rasteriser:
                 out["means"], out["scales"], out["quaternions"], out["opacities"], out["means_2d"], out["colours"], scratch[worker],
             )  # fmt: skip
 
-        self._pool.run(job, len(chunks) - 1)
+        with timed(self._watch, "project backward"):
+            self._pool.run(job, len(chunks) - 1)
         shapes = {name: (n, width) if name != "opacities" else (n,) for name, width in widths.items()}
         return SplatGradients(**{name: out[name][: n * widths[name]].reshape(shapes[name]) for name in out})
 

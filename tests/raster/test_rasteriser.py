@@ -8,8 +8,11 @@ import torch
 from raster_oracle import NAMES, draw, parameters
 from raster_scenes import camera, scene
 
+from sacha_core.errors import OptionError
+from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import Frame, Rasteriser
 from sacha_core.raster.splats import Splats
+from sacha_core.stopwatch import Stopwatch
 
 PIXEL = 2e-5  # float32 rounding of some tens of blended terms, and 1e-6 relative of the exponential
 BAND = 2e-5  # relative distance from a threshold within which float32 may decide otherwise
@@ -129,6 +132,20 @@ def test_threads_do_not_change_a_bit() -> None:
         results.append([frame.image, frame.transmittance, frame.visible, weights, *vars(gradients).values()])
     for other in results[1:]:
         assert all(np.array_equal(a, b) for a, b in zip(results[0], other, strict=True))
+
+
+def test_a_pool_may_be_shared_and_a_stopwatch_is_told_the_stages() -> None:
+    splats, view, pool, watch = scene(56, 40), camera(), Pool(2), Stopwatch()
+    own = Rasteriser(pool=pool, stopwatch=watch)
+    frame = own.forward(splats, view, np.ones(3))
+    image = frame.image.copy()
+    own.backward(frame, np.ones_like(image))
+    assert own.threads == 2
+    assert {"project", "sort", "deal", "blend", "blend backward", "project backward"} <= watch.seconds.keys()
+    assert min(watch.seconds.values()) > 0
+    assert np.array_equal(image, Rasteriser(1).forward(splats, view, np.ones(3)).image)
+    with pytest.raises(OptionError, match="3 threads"):
+        Rasteriser(3, pool=pool)
 
 
 def test_a_crop_is_that_part_of_the_image_to_the_bit(rasteriser: Rasteriser) -> None:
