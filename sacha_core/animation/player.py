@@ -86,7 +86,7 @@ class Player:
         self.motion: MotionSource = InMemory(motion) if isinstance(motion, Motion) else motion
         self._options = options
         self._pool = Pool(options.threads)
-        self._rasteriser = Rasteriser(options.threads)
+        self._rasteriser = Rasteriser(pool=self._pool, stopwatch=stopwatch)
         self._background = np.broadcast_to(np.asarray(options.background, np.float32), 3)
         self._canvas = Canvas(self._background, options.dtype, self._pool)
         turn, self._watch = math.radians(options.colour_turn_deg), stopwatch
@@ -209,8 +209,7 @@ class Player:
             with timed(self._watch, "bounds"):
                 left, top, width, height = self._rasteriser.bounds(splats, camera)
         part = camera.crop(left, top, width, height)
-        with timed(self._watch, "draw"):
-            frame = self._rasteriser.forward(splats, part, self._background)
+        frame = self._rasteriser.forward(splats, part, self._background)
         with timed(self._watch, "picture"):
             return self._canvas.show(frame.image, left, top, camera.width, camera.height)
 
