@@ -5,7 +5,7 @@ Dense, with no tiles and no boxes: every Gaussian at every pixel. `Camera.crop` 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -38,14 +38,15 @@ class Decisions:
     Args:
         order: (m,) rows of the Gaussians that are drawn, front to back.
         follows: (m, 2) whether the Jacobian's slope follows the mean along x and y, or is held at its limit.
-        clamped: (m, h, w) where alpha is held at 0.99.
-        passes: (m, h, w) where a Gaussian is blended: its alpha is at least 1/255 and the pixel still open.
+        blended: four times (k,): which of the m is blended, into which pixel (row, column), and how many are before it there. Its alpha
+            is at least 1/255 and the pixel still open.
+        clamped: (k,) where alpha is held at 0.99.
     """
 
     order: Int[Tensor, " m"]
     follows: Bool[Tensor, "m 2"]
-    clamped: Bool[Tensor, "m h w"]
-    passes: Bool[Tensor, "m h w"]
+    blended: tuple[Int[Tensor, " k"], Int[Tensor, " k"], Int[Tensor, " k"], Int[Tensor, " k"]]
+    clamped: Bool[Tensor, " k"]
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,6 @@ class ExactFrame:
     Args:
         image: (c, h, w) blended colours over the background.
         transmittance: (h, w) how much of the background is seen.
-        weights: (m, h, w) blending weight of each drawn Gaussian, in the order of `decisions`.
         band: (h, w) relative distance of the nearest decision at a threshold, where float32 may decide otherwise; infinite where a picture
             was drawn with decisions that were given.
         decisions: what was decided.
@@ -63,7 +63,6 @@ class ExactFrame:
 
     image: Float[Tensor, "c h w"]
     transmittance: Float[Tensor, "h w"]
-    weights: Float[Tensor, "m h w"]
     band: Float[np.ndarray, "h w"]
     decisions: Decisions
 
@@ -123,23 +122,27 @@ def draw(
 
     Source: Kerbl et al., 3D Gaussian Splatting, SIGGRAPH 2023; thresholds and the clamped Jacobian as gsplat has them.
     """
-    rows = _drawable(leaves, camera, depths, near) if decisions is None else decisions.order
-    drawn = {name: leaf[rows] for name, leaf in leaves.items()}
-    ellipses = _project(drawn, camera, None if decisions is None else decisions.follows)
-    x = torch.arange(camera.width, dtype=torch.float64)[None, None, :] + 0.5 - ellipses.mean[:, 0, None, None]
-    y = torch.arange(camera.height, dtype=torch.float64)[None, :, None] + 0.5 - ellipses.mean[:, 1, None, None]
-    xx, xy, yy = (entry[:, None, None] for entry in ellipses.conic)
-    alpha = drawn["opacities"][:, None, None] * torch.exp(-0.5 * (xx * x * x + 2 * xy * x * y + yy * y * y))
     band = np.full((camera.height, camera.width), np.inf)
     if decisions is None:
-        decisions, band = _decide(alpha.detach(), rows, ellipses.follows)
-    alpha = torch.where(decisions.passes, torch.where(decisions.clamped, ALPHA_MAX, alpha), 0.0)
-    after = torch.cumprod(1 - alpha, 0)
-    before = torch.cat([torch.ones(1, camera.height, camera.width, dtype=torch.float64), after])
-    weights = alpha * before[:-1]
+        with torch.no_grad():
+            decisions, band = _decide(leaves, camera, depths, near)
+    drawn = {name: leaf[decisions.order] for name, leaf in leaves.items()}
+    ellipses = _project(drawn, camera, decisions.follows)
+    g, row, column, before = decisions.blended
+    x, y = column + 0.5 - ellipses.mean[g, 0], row + 0.5 - ellipses.mean[g, 1]
+    alpha = torch.where(
+        decisions.clamped, ALPHA_MAX, _alpha(drawn["opacities"][g], [entry[g] for entry in ellipses.conic], x, y)
+    )
+    # one layer of the picture for each place in a pixel's row of Gaussians: far fewer than there are Gaussians
+    layers = torch.zeros(int(before.max()) + 1 if len(before) else 0, camera.height, camera.width, dtype=torch.float64)
+    layers = layers.index_put((before, row, column), alpha)
+    open_ = torch.cat([torch.ones(1, camera.height, camera.width, dtype=torch.float64), torch.cumprod(1 - layers, 0)])
+    weight = alpha * open_[before, row, column]
     behind = torch.tensor(np.asarray(background, np.float64))
-    image = torch.einsum("mhw,mc->chw", weights, drawn["colours"]) + behind[:, None, None] * before[-1]
-    return ExactFrame(image, before[-1], weights, band, decisions)
+    image = (behind[:, None, None] * open_[-1]).index_put(
+        (torch.arange(len(behind))[:, None], row, column), drawn["colours"][g].T * weight, accumulate=True
+    )
+    return ExactFrame(image, open_[-1], band, decisions)
 
 
 def rotation_matrices(quaternions: Float[Tensor, "n 4"]) -> Float[Tensor, "n 3 3"]:
@@ -199,18 +202,44 @@ def _project(drawn: Leaves, camera: Camera, follows: Bool[Tensor, "m 2"] | None)
 
 
 def _decide(
-    alpha: Float[Tensor, "m h w"], order: Int[Tensor, " m"], follows: Bool[Tensor, "m 2"]
+    leaves: Leaves, camera: Camera, depths: Float[np.ndarray, " n"], near: float
 ) -> tuple[Decisions, Float[np.ndarray, "h w"]]:
     """Compare with the thresholds, and tell how close each pixel's decisions were."""
-    shown, clamped = alpha >= ALPHA_MIN, alpha > ALPHA_MAX
+    order = _drawable(leaves, camera, depths, near)
+    drawn = {name: leaf[order] for name, leaf in leaves.items()}
+    ellipses = _project(drawn, camera, None)
+    x = torch.arange(camera.width, dtype=torch.float64)[None, None, :] + 0.5 - ellipses.mean[:, 0, None, None]
+    y = torch.arange(camera.height, dtype=torch.float64)[None, :, None] + 0.5 - ellipses.mean[:, 1, None, None]
+    alpha = _alpha(drawn["opacities"][:, None, None], [entry[:, None, None] for entry in ellipses.conic], x, y)
+    shown = alpha >= ALPHA_MIN
     after = torch.cumprod(1 - torch.where(shown, alpha.clamp(max=ALPHA_MAX), 0.0), 0)
     # a pixel closes at the first Gaussian that would bring it to the limit, and that one is not blended
-    closing = shown & ~(after > STOP)
-    closed = torch.cumsum(closing, 0) > 0
+    closed = torch.cumsum(shown & ~(after > STOP), 0) > 0
     open_before = torch.cat([torch.ones_like(closed[:1]), ~closed[:-1]]) if len(order) else ~closed
-    near_cut = torch.where(open_before, (alpha / ALPHA_MIN - 1).abs(), torch.inf)
-    blended = open_before & shown
-    near_stop = torch.where(blended, torch.minimum((after / STOP - 1).abs(), (alpha / ALPHA_MAX - 1).abs()), torch.inf)
-    nearest = torch.minimum(near_cut, near_stop)
-    band = nearest.amin(0) if len(order) else torch.full(alpha.shape[1:], torch.inf)
-    return Decisions(order, follows, clamped, shown & ~closed), band.numpy()
+    blended = shown & ~closed
+    g, row, column = blended.nonzero(as_tuple=True)
+    before = (torch.cumsum(blended, 0) - 1)[g, row, column]
+    return Decisions(order, ellipses.follows, (g, row, column, before), alpha[g, row, column] > ALPHA_MAX), _band(
+        alpha, after, shown, open_before
+    )
+
+
+def _band(
+    alpha: Float[Tensor, "m h w"],
+    after: Float[Tensor, "m h w"],
+    shown: Bool[Tensor, "m h w"],
+    open_before: Bool[Tensor, "m h w"],
+) -> Float[np.ndarray, "h w"]:
+    """Give the relative distance of each pixel's nearest decision: to blend, to hold alpha, or to stop."""
+    if not len(alpha):
+        return np.full(alpha.shape[1:], np.inf)
+    cut = torch.where(open_before, (alpha / ALPHA_MIN - 1).abs(), torch.inf)
+    stop = torch.minimum((after / STOP - 1).abs(), (alpha / ALPHA_MAX - 1).abs())
+    nearest: np.ndarray = torch.minimum(cut, torch.where(open_before & shown, stop, torch.inf)).amin(0).numpy()
+    return nearest
+
+
+def _alpha(opacity: Tensor, conic: Sequence[Tensor], x: Tensor, y: Tensor) -> Tensor:
+    """Give opacity exp(-d^T conic d / 2) at (x, y) from the mean."""
+    xx, xy, yy = conic
+    return opacity * torch.exp(-0.5 * (xx * x * x + 2 * xy * x * y + yy * y * y))

@@ -92,3 +92,10 @@ def test_rounding_of_numbers_at_the_edge_of_float64() -> None:
 def test_rounding_ends_noise_between_near_ties() -> None:
     noisy = 123.456 * (1 + np.random.default_rng(2).normal(0, 1e-9, 100))
     assert len(set(rounded(noisy))) == 1
+
+
+def test_sizes_without_end_or_thickness_have_finite_factors() -> None:
+    scales = np.array([[np.inf, 1, 1], [np.inf, 0, 1], [1e200, 1e200, 1], [0.1, 0.2, 0.3], [np.nan, 1, 1]])
+    factors = volume_factor(scales)
+    assert np.isfinite(factors).all()
+    assert factors.argmax() in {0, 2}

@@ -5,7 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Protocol
 
-from sacha_core.bench.stability import avatar, gradients, posing, raster, regions, triangles
+from sacha_core.bench.stability import (
+    avatar,
+    captures,
+    determinism,
+    drift,
+    gradients,
+    posing,
+    raster,
+    regions,
+    training,
+    triangles,
+)
 from sacha_core.bench.stability.case import Case
 
 __all__ = ["FAMILIES", "Family"]
@@ -23,6 +34,10 @@ FAMILIES: dict[str, Family] = {
     "avatar": avatar.cases,
     "triangles": triangles.cases,
     "posing": posing.cases,
-    "regions": regions.cases,
     "gradients": gradients.cases,
+    "regions": regions.cases,
+    "captures": captures.cases,
+    "training": training.cases,
+    "drift": drift.cases,
+    "determinism": determinism.cases,
 }

@@ -153,7 +153,8 @@ def _random_triangles(sine: float | None = None, size: float = 0.01) -> list[Ver
         corner = rng.uniform(0.05, 1) if sine is None else sine
         turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         flat = np.array([[0, 0, 0], [1, 0, 0], [np.sqrt(1 - corner**2), corner, 0]])
-        triangles.append((size * flat @ turn).astype(F))
+        with np.errstate(over="ignore"):  # what is too large for float32 shall be refused
+            triangles.append((size * flat @ turn).astype(F))
     return triangles
 
 

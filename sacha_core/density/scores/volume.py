@@ -27,7 +27,9 @@ def volume_factor(
     """
     if not len(scales):
         return np.empty(0)
-    volume = np.prod(scales, axis=1, dtype=np.float64)  # 4/3 pi cancels
+    with np.errstate(over="ignore", invalid="ignore"):
+        volume = np.prod(scales, axis=1, dtype=np.float64)  # 4/3 pi cancels
+    volume = np.nan_to_num(volume, nan=0.0)  # endless and flat: as good as none; endless alone: the largest number
     reference = np.percentile(volume, percentile)
     ratio = np.divide(volume, reference, out=np.ones_like(volume), where=reference > 0)
     if clamp:
