@@ -26,22 +26,28 @@ from numba.extending import intrinsic, models, overload, register_model
 __all__ = [
     "LANES",
     "absolute",
+    "bits",
     "ceiling",
     "every",
     "exponent",
     "floor",
     "fma",
+    "inlined",
     "load",
+    "load_bits",
     "load_first",
     "load_halves",
     "load_spread",
     "load_strided",
+    "lowest_bit",
     "mantissa",
     "maximum",
     "minimum",
+    "moved_up",
     "number",
     "pack",
     "prefetch",
+    "prefetch_to_write",
     "ramp",
     "select",
     "some",
@@ -51,7 +57,9 @@ __all__ = [
     "store_first",
     "store_halves",
     "store_interleaved",
+    "store_key",
     "store_transposed",
+    "store_whole",
     "sums",
     "within",
     "zeros",
@@ -63,6 +71,7 @@ WITHIN = {
     "no_cfunc_wrapper": True,
 }  # for what only kernels call: compiles a good deal faster
 within = njit(**WITHIN)
+inlined = njit(forceinline=True, **WITHIN)  # a call that stays costs, for each array, locked counting of references
 FLOAT = ir.FloatType()
 INT = ir.IntType(32)
 VECTOR = ir.VectorType(FLOAT, LANES)
@@ -293,18 +302,85 @@ def pack(typingctx, low, high):
 
 
 @intrinsic
-def prefetch(typingctx, array, index):
-    """Ask for the cache line of `array[index]`; any index is allowed, and the contents are not touched."""
+def load_bits(typingctx, array, index, shift, mask):
+    """Give (word >> shift) & mask of sixteen words of a flat int64 array from `index` on."""
 
     def codegen(context, builder, signature, args):
-        data = context.make_array(signature.args[0])(context, builder, args[0]).data
-        pointer = builder.bitcast(builder.gep(data, [args[1]]), ir.PointerType(ir.IntType(8)))
-        kind = ir.FunctionType(ir.VoidType(), [pointer.type, INT, INT, INT])
-        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
-        builder.call(function, [pointer, INT(0), INT(3), INT(1)])
+        pointer = address(context, builder, signature.args[0], args[0], args[1])
+        wide = ir.VectorType(ir.IntType(64), LANES)
+        words = builder.trunc(builder.load(builder.bitcast(pointer, wide.as_pointer()), align=8), INTS)
+        amount, kept = (spread_whole(builder, builder.trunc(a, INT)) for a in args[2:])
+        return builder.sitofp(builder.and_(builder.lshr(words, amount), kept), VECTOR)
+
+    return lanes_type(array, types.intp, types.intp, types.intp), codegen
+
+
+def spread_whole(builder, scalar):
+    empty = ir.Constant(INTS, ir.Undefined)
+    return builder.shuffle_vector(builder.insert_element(empty, scalar, INT(0)), empty, ir.Constant(INTS, None))
+
+
+@intrinsic
+def store_whole(typingctx, array, index, value):
+    """Write sixteen whole numbers to a flat int32 array from `index` on."""
+
+    def codegen(context, builder, signature, args):
+        pointer = address(context, builder, signature.args[0], args[0], args[1])
+        builder.store(builder.fptosi(args[2], INTS), builder.bitcast(pointer, INTS.as_pointer()), align=4)
         return context.get_dummy_value()
 
-    return types.void(array, types.intp), codegen
+    return types.void(array, types.intp, lanes_type), codegen
+
+
+@intrinsic
+def store_key(typingctx, array, index, tile, first, last):
+    """Write tile << 10 | first << 5 | last of sixteen triples of whole numbers to a flat int32 array from `index` on."""
+
+    def codegen(context, builder, signature, args):
+        pointer = address(context, builder, signature.args[0], args[0], args[1])
+        tile, first, last = (builder.fptosi(value, INTS) for value in args[2:])
+        word = builder.or_(builder.shl(tile, ir.Constant(INTS, [INT(10)] * LANES)), builder.shl(first, ir.Constant(INTS, [INT(5)] * LANES)))
+        builder.store(builder.or_(word, last), builder.bitcast(pointer, INTS.as_pointer()), align=4)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, lanes_type, lanes_type, lanes_type), codegen
+
+
+def prefetching(name, writing):
+    """Make the intrinsic that asks for a cache line, to be read or to be written."""
+
+    @intrinsic
+    def function(typingctx, array, index):
+        def codegen(context, builder, signature, args):
+            data = context.make_array(signature.args[0])(context, builder, args[0]).data
+            pointer = builder.bitcast(builder.gep(data, [args[1]]), ir.PointerType(ir.IntType(8)))
+            kind = ir.FunctionType(ir.VoidType(), [pointer.type, INT, INT, INT])
+            called = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+            builder.call(called, [pointer, INT(writing), INT(3), INT(1)])
+            return context.get_dummy_value()
+
+        return types.void(array, types.intp), codegen
+
+    function.__doc__ = name
+    return function
+
+
+prefetch = prefetching("Ask for the cache line of `array[index]`; any index is allowed, and the contents are not touched.", 0)
+prefetch_to_write = prefetching("Ask for the cache line of `array[index]` to be written; any index is allowed.", 1)
+
+
+@intrinsic(prefer_literal=True)
+def moved_up(typingctx, x, by):
+    """Give the lanes moved up by a literal, zeros below."""
+    if not isinstance(by, types.IntegerLiteral):
+        return None
+    step = by.literal_value
+
+    def codegen(context, builder, signature, args):
+        order = [lane - step if lane >= step else LANES for lane in range(LANES)]
+        return shuffle(builder, args[0], ir.Constant(VECTOR, None), order)
+
+    return lanes_type(lanes_type, by), codegen
 
 
 # ---- arithmetic ---------------------------------------------------------------------------------------------------------------------
@@ -434,6 +510,28 @@ def every(typingctx, mask):
         return builder.icmp_unsigned("==", word, ir.Constant(word.type, (1 << LANES) - 1))
 
     return types.boolean(mask_type), codegen
+
+
+@intrinsic
+def bits(typingctx, mask):
+    """Give the mask as an integer whose bit k is lane k."""
+
+    def codegen(context, builder, signature, args):
+        return builder.zext(builder.bitcast(args[0], ir.IntType(LANES)), ir.IntType(64))
+
+    return types.int64(mask_type), codegen
+
+
+@intrinsic
+def lowest_bit(typingctx, word):
+    """Give the place of the lowest bit that is set of a 64-bit integer that is not zero."""
+
+    def codegen(context, builder, signature, args):
+        kind = ir.FunctionType(ir.IntType(64), [ir.IntType(64), ir.IntType(1)])
+        called = cgutils.get_or_insert_function(builder.module, kind, "llvm.cttz.i64")
+        return builder.call(called, [args[0], ir.Constant(ir.IntType(1), 1)])
+
+    return types.int64(types.int64), codegen
 
 
 @intrinsic
