@@ -9,16 +9,30 @@ from jaxtyping import Float
 
 from sacha_core.errors import OptionError, SachaError
 
-__all__ = ["MAX_CHANNELS", "SplatGradients", "Splats"]
+__all__ = ["MAX_CHANNELS", "ColourError", "SplatGradients", "Splats"]
 
 MAX_CHANNELS = 4
+LARGEST_COLOUR = np.float32(1e30)  # beyond, gradients of what lies under a splat overflow though its image does not
+
+
+class ColourError(SachaError):
+    """A colour cannot be drawn.
+
+    Args:
+        row: of the Gaussian.
+        colour: its channels.
+    """
+
+    def __init__(self, row: int, colour: list[float]) -> None:
+        super().__init__(f"the colour of Gaussian {row} is {colour}, expected numbers between +-{LARGEST_COLOUR:g}")
+        self.row = row
 
 
 @dataclass(frozen=True)
 class Splats:
     """n Gaussians in world space, activated, ready to be drawn.
 
-    Means, scales, quaternions or opacities that are not finite make a Gaussian vanish; colours must be finite.
+    Means, scales, quaternions or opacities that are not finite make a Gaussian vanish; colours must be finite, and below 1e30.
 
     Args:
         means: (n, 3) metres.
@@ -48,7 +62,7 @@ class Splats:
 
         Raises:
             OptionError: shapes disagree, or there are more than four channels.
-            SachaError: a colour is not finite; the message names the first Gaussian.
+            ColourError: a colour is not finite, or so large that gradients would not be.
         """
         arrays = {
             name: np.ascontiguousarray(getattr(self, name), np.float32)
@@ -63,13 +77,9 @@ class Splats:
         colours = arrays["colours"]
         if colours.ndim != 2 or len(colours) != n or not 1 <= colours.shape[1] <= MAX_CHANNELS:
             raise OptionError(f"splat colours have shape {colours.shape}, expected ({n}, 1 to {MAX_CHANNELS})")
-        with np.errstate(over="ignore", invalid="ignore"):
-            doubtful = not np.isfinite(
-                colours.sum()
-            )  # if a term is not finite the sum is not, and it is quicker to take
-        if doubtful and not np.isfinite(colours).all():
-            row = int(np.argmin(np.isfinite(colours).all(axis=1)))
-            raise SachaError(f"the colour of Gaussian {row} is {colours[row].tolist()}, expected finite numbers")
+        if not (colours.min(initial=0) > -LARGEST_COLOUR and colours.max(initial=0) < LARGEST_COLOUR):  # true for NaN
+            row = int(np.argmin((np.abs(colours) < LARGEST_COLOUR).all(axis=1)))
+            raise ColourError(row, colours[row].tolist())
         return Splats(**arrays)
 
 

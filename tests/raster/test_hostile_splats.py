@@ -13,7 +13,7 @@ from raster_scenes import camera, scene
 
 from sacha_core.errors import OptionError, SachaError
 from sacha_core.raster.rasteriser import Rasteriser
-from sacha_core.raster.splats import Splats
+from sacha_core.raster.splats import ColourError, Splats
 
 PIXEL = 2e-5  # as in test_rasteriser
 WHITE = np.ones(3)
@@ -64,12 +64,20 @@ def test_poisoned_splats_vanish(rasteriser: Rasteriser, name: str, poison: float
     assert np.array_equal(image, finite(rasteriser, kept))
 
 
-@pytest.mark.parametrize("poison", POISON)
-def test_poisoned_colours_are_refused(rasteriser: Rasteriser, poison: float) -> None:
+@pytest.mark.parametrize("poison", [*POISON, 1e30, -3.4e38])
+@pytest.mark.parametrize("row", [0, 4, 8])
+def test_poisoned_colours_are_refused_by_row(rasteriser: Rasteriser, poison: float, row: int) -> None:
     splats = scene(1, 9)
-    splats.colours[4, 1] = poison
-    with pytest.raises(SachaError, match="colour of Gaussian 4"):
+    splats.colours[row:, 1] = poison  # the first is named
+    with pytest.raises(ColourError, match=f"colour of Gaussian {row} ") as caught:
         rasteriser.forward(splats, camera(), WHITE)
+    assert caught.value.row == row
+
+
+def test_largest_colour_still_has_finite_gradients(rasteriser: Rasteriser) -> None:
+    splats = scene(1, 9)
+    splats.colours[4, 1] = np.nextafter(np.float32(1e30), np.float32(0))
+    finite(rasteriser, splats)
 
 
 @pytest.mark.parametrize("opacity", [0.0, -1.0, 0.0039, 1.5, 1e6])
