@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from sacha_core.errors import SachaError
 from sacha_core.raster.buffers import Buffers
 from sacha_core.raster.camera import Camera
+from sacha_core.raster.kernels.batch import LOOK_AHEAD
 from sacha_core.raster.kernels.depth_order import BUCKETS, INFINITE, PASSES, sort_by_depth
 from sacha_core.raster.kernels.emit import EMIT_SCRATCH, count_up, deal, emit
 from sacha_core.raster.kernels.lanes import LANES
@@ -28,7 +29,6 @@ TILE_COST = 8  # entries that take as long as a tile's first and last steps
 KEYS_PER_GAUSSIAN = 6  # room at first; doubled until it suffices
 MIN_ROOM = 4096  # keys of a job
 MAX_KEYS = 1 << 26
-ENTRIES_AHEAD = 16  # a kernel may look, but not go, that far beyond the last entry
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ class Binner:
             keys, room, used = self._emit(projection, order, chunks, columns, cursors, span)
         start = space("start", tiles + 1, np.int64)
         count_up(cursors, start)
-        entries = space("entries", sum(used) + ENTRIES_AHEAD, np.int64)
+        entries = space("entries", sum(used) + LOOK_AHEAD, np.int64)
 
         def job(_: int, k: int) -> None:
             deal(keys[k * room :], used[k], k * room, cursors[k], entries)

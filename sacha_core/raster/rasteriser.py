@@ -12,7 +12,8 @@ from sacha_core.raster.binning import Binner, Bins
 from sacha_core.raster.buffers import Buffers
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.kernels.blend import BLEND_SCRATCH, blend
-from sacha_core.raster.kernels.blend_backward import BACKWARD_SCRATCH, blend_backward, blend_weights
+from sacha_core.raster.kernels.blend_backward import BACKWARD_SCRATCH, blend_backward
+from sacha_core.raster.kernels.blend_weights import blend_weights
 from sacha_core.raster.kernels.layout import RECORD
 from sacha_core.raster.kernels.project_backward import GATHER_SCRATCH, gather_weights, project_backward
 from sacha_core.raster.pool import Pool

@@ -12,38 +12,42 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sacha_core.raster.kernels.blend import AHEAD, alpha_power, open_tile
+from sacha_core.raster.kernels.batch import (
+    ALPHA,
+    BATCH,
+    BATCH_SCRATCH,
+    COPY,
+    FADED,
+    RUN,
+    let_through,
+    open_tile,
+    prepare,
+    touching,
+    write_alphas,
+)
 from sacha_core.raster.kernels.lanes import (
     LANES,
-    absolute,
     fma,
+    inlined,
     load,
     load_halves,
     load_spread,
-    minimum,
-    prefetch,
+    lowest_bit,
+    maximum,
+    prefetch_to_write,
     select,
+    some,
     splat,
     store,
     sums,
-    within,
     zeros,
 )
 from sacha_core.raster.kernels.layout import (
     ALPHA_MAX,
-    GAUSSIAN_MASK,
-    GAUSSIAN_SHIFT,
-    POWER_MIN,
-    R_A,
-    R_B,
-    R_C,
     R_COLOUR,
-    R_OPACITY,
     R_X,
     R_Y,
     RECORD,
-    ROW_BITS,
-    ROW_MASK,
     TILE_HEIGHT,
     TILE_PIXELS,
     TILE_VECTORS,
@@ -53,13 +57,17 @@ from sacha_core.raster.kernels.layout import (
 )
 
 F = np.float32
-REST = TILE_PIXELS  # plane of the scratch; the gradients of up to four channels follow
-UPSTREAM = 2 * TILE_PIXELS
-SPARE = 6 * TILE_PIXELS
-BACKWARD_SCRATCH = 7 * TILE_PIXELS
+# planes of the scratch: the rest, the gradients of up to four channels, one to spare; then the sums of each entry, lane by lane
+REST = BATCH_SCRATCH
+UPSTREAM = REST + TILE_PIXELS
+SPARE = UPSTREAM + 4 * TILE_PIXELS
+SUMS = SPARE + TILE_PIXELS
+S_S, S_Y, S_YY, S_COLOUR = 0, LANES, 2 * LANES, 3 * LANES  # of s, s dy, s dy^2 and w dL/dC
+SUM = 7 * LANES  # of one entry
+BACKWARD_SCRATCH = SUMS + BATCH * SUM
 
 
-@within
+@inlined
 def load_tile(image, corner, width, across, rows, scratch, plane):
     """Copy a tile's part of a flat image, whose first pixel is at `corner`, into a plane of the scratch; zero outside."""
     if across == TILE_WIDTH and rows == TILE_HEIGHT:
@@ -72,14 +80,14 @@ def load_tile(image, corner, width, across, rows, scratch, plane):
                 scratch[plane + y * TILE_WIDTH + x] = image[corner + y * width + x] if y < rows and x < across else F(0)
 
 
-@within
+@inlined
 def add_product(scratch, a, b):
     """Add the product of two planes of the scratch to the rest."""
     for at in range(0, TILE_PIXELS, LANES):
         store(scratch, REST + at, fma(load(scratch, a + at), load(scratch, b + at), load(scratch, REST + at)))
 
 
-@within
+@inlined
 def load_gradients(
     channels, image, transmittance, image_gradient, transmittance_gradient, corner, width, height, across, rows, scratch
 ):
@@ -92,13 +100,92 @@ def load_gradients(
         load_tile(image, corner + k * width * height, width, across, rows, scratch, SPARE)
         add_product(scratch, plane, SPARE)
     if len(transmittance_gradient) > 0:
-        load_tile(transmittance, corner, width, across, rows, scratch, 0)
+        load_tile(transmittance, corner, width, across, rows, scratch, RUN)
         load_tile(transmittance_gradient, corner, width, across, rows, scratch, SPARE)
-        add_product(scratch, 0, SPARE)
+        add_product(scratch, RUN, SPARE)
+
+
+@inlined
+def clear_sums(entry, count, parts, entries, entry_gradients, scratch):
+    """Set the sums of a batch's entries to zero, and ask for the memory that they go to."""
+    for k in range(count):
+        prefetch_to_write(entry_gradients, (entries[entry + k] >> TOP_SHIFT) * RECORD)
+        for part in range(parts):
+            store(scratch, SUMS + k * SUM + part * LANES, zeros())
+
+
+@inlined
+def add_to(scratch, at, value):
+    """Add to sixteen numbers of the scratch."""
+    store(scratch, at, load(scratch, at) + value)
+
+
+@inlined
+def add_product_to(scratch, at, a, b):
+    """Add a product to sixteen numbers of the scratch."""
+    store(scratch, at, fma(a, b, load(scratch, at)))
+
+
+@inlined
+def blend_vector_backward(word, vector, y, channels, scratch):
+    """Add what one vector of the tile gives to the sums of the entries that `word` names."""
+    write_alphas(word, y, scratch)
+    pixel = vector * LANES
+    run, rest = load(scratch, RUN + pixel), load(scratch, REST + pixel)
+    up0 = load(scratch, UPSTREAM + pixel)
+    up1 = load(scratch, UPSTREAM + TILE_PIXELS + pixel)
+    up2 = load(scratch, UPSTREAM + 2 * TILE_PIXELS + pixel)
+    up3 = load(scratch, UPSTREAM + 3 * TILE_PIXELS + pixel)
+    alpha_at = ALPHA
+    while word != 0:
+        k = lowest_bit(word)
+        word &= word - 1
+        colour, at = COPY + k * RECORD + R_COLOUR, SUMS + k * SUM
+        dy = y - load_spread(scratch, COPY + k * RECORD + R_Y)
+        alpha = load(scratch, alpha_at)
+        alpha_at += LANES
+        weight, run, open_ = let_through(alpha, run)
+        q = load_spread(scratch, colour) * up0
+        add_product_to(scratch, at + S_COLOUR, weight, up0)
+        if channels > 1:
+            q = fma(load_spread(scratch, colour + 1), up1, q)
+            add_product_to(scratch, at + S_COLOUR + LANES, weight, up1)
+        if channels > 2:
+            q = fma(load_spread(scratch, colour + 2), up2, q)
+            add_product_to(scratch, at + S_COLOUR + 2 * LANES, weight, up2)
+        if channels > 3:
+            q = fma(load_spread(scratch, colour + 3), up3, q)
+            add_product_to(scratch, at + S_COLOUR + 3 * LANES, weight, up3)
+        rest = rest - weight * q
+        s = select(open_ & (alpha < splat(ALPHA_MAX)), weight * (q - rest / run), zeros())
+        s_dy = s * dy
+        add_to(scratch, at + S_S, s)
+        add_to(scratch, at + S_Y, s_dy)
+        add_product_to(scratch, at + S_YY, s_dy, dy)
+    store(scratch, RUN + pixel, maximum(run, splat(FADED)))
+    store(scratch, REST + pixel, rest)
+
+
+@inlined
+def write_sums(entry, count, x_tile, channels, entries, entry_gradients, scratch):
+    """Write the gradient sums of a batch's entries to their places."""
+    for k in range(count):
+        at = SUMS + k * SUM
+        dx = x_tile - load_spread(scratch, COPY + k * RECORD + R_X)
+        s, s_dy, s_dyy = load(scratch, at + S_S), load(scratch, at + S_Y), load(scratch, at + S_YY)
+        s_dx = s * dx
+        gathered = sums((
+            s, s_dx, s_dy, s_dx * dx, s_dy * dx, s_dyy,
+            load(scratch, at + S_COLOUR),
+            load(scratch, at + S_COLOUR + LANES) if channels > 1 else zeros(),
+            load(scratch, at + S_COLOUR + 2 * LANES) if channels > 2 else zeros(),
+            load(scratch, at + S_COLOUR + 3 * LANES) if channels > 3 else zeros(),
+        ))  # fmt: skip
+        store(entry_gradients, (entries[entry + k] >> TOP_SHIFT) * RECORD, gathered)
 
 
 @njit(cache=True, nogil=True)
-def blend_backward(  # noqa: PLR0915 - one loop, whose sums live in registers
+def blend_backward(
     first_tile, last_tile, start, done, entries, records, x_lanes, y_lanes, background, image, transmittance, width, height,
     image_gradient, transmittance_gradient, entry_gradients, scratch,
 ):  # fmt: skip
@@ -114,112 +201,24 @@ def blend_backward(  # noqa: PLR0915 - one loop, whose sums live in registers
     for tile in range(first_tile, last_tile):
         for e in range(done[tile], start[tile + 1]):
             store(entry_gradients, (entries[e] >> TOP_SHIFT) * RECORD, zeros())
-        end = done[tile]
-        if start[tile] == end:
+        entry, end = start[tile], done[tile]
+        if entry == end:
             continue
         top, left = tile // columns * TILE_HEIGHT, tile % columns * TILE_WIDTH
         rows, across = min(TILE_HEIGHT, height - top), min(TILE_WIDTH, width - left)
+        x_tile, y_tile = load(x_lanes, tile % columns * LANES), tile // columns * TILE_VECTORS
         load_gradients(
             channels, image, transmittance, image_gradient, transmittance_gradient, top * width + left, width, height, across, rows, scratch
         )  # fmt: skip
         open_tile(scratch, across, rows)
-        x_tile = load(x_lanes, tile % columns * LANES)
-        y_tile = tile // columns * TILE_VECTORS
-        for e in range(start[tile], end):
-            prefetch(records, ((entries[e + AHEAD] >> GAUSSIAN_SHIFT) & GAUSSIAN_MASK) * RECORD)
-            entry = entries[e]
-            at = ((entry >> GAUSSIAN_SHIFT) & GAUSSIAN_MASK) * RECORD
-            dx = x_tile - load_spread(records, at + R_X)
-            mean_y = load_spread(records, at + R_Y)
-            across_power = fma(load_spread(records, at + R_A) * dx, dx, load_spread(records, at + R_OPACITY))
-            slope = load_spread(records, at + R_B) * dx
-            curve = load_spread(records, at + R_C)
-            shade0, shade1 = load_spread(records, at + R_COLOUR), load_spread(records, at + R_COLOUR + 1)
-            shade2, shade3 = load_spread(records, at + R_COLOUR + 2), load_spread(records, at + R_COLOUR + 3)
-            sum_s, sum_y, sum_yy = zeros(), zeros(), zeros()
-            colour0, colour1, colour2, colour3 = zeros(), zeros(), zeros(), zeros()
-            for vector in range((entry >> ROW_BITS & ROW_MASK) >> 1, ((entry & ROW_MASK) >> 1) + 1):
-                dy = load(y_lanes, (y_tile + vector) * LANES) - mean_y
-                power = fma(fma(curve, dy, slope), dy, across_power)
-                unclamped = alpha_power(power)
-                alpha = minimum(unclamped, splat(ALPHA_MAX))
-                alpha = select(power >= splat(POWER_MIN), alpha, zeros())
-                pixel = vector * LANES
-                t = load(scratch, pixel)
-                weight = alpha * t
-                after = t - weight
-                open_ = after > splat(TRANSMITTANCE_MIN)
-                store(scratch, pixel, select(open_, after, -absolute(t)))
-                weight = select(open_, weight, zeros())
-                upstream = load(scratch, UPSTREAM + pixel)
-                q = shade0 * upstream
-                colour0 = fma(weight, upstream, colour0)
-                if channels > 1:
-                    upstream = load(scratch, UPSTREAM + TILE_PIXELS + pixel)
-                    q = fma(shade1, upstream, q)
-                    colour1 = fma(weight, upstream, colour1)
-                if channels > 2:
-                    upstream = load(scratch, UPSTREAM + 2 * TILE_PIXELS + pixel)
-                    q = fma(shade2, upstream, q)
-                    colour2 = fma(weight, upstream, colour2)
-                if channels > 3:
-                    upstream = load(scratch, UPSTREAM + 3 * TILE_PIXELS + pixel)
-                    q = fma(shade3, upstream, q)
-                    colour3 = fma(weight, upstream, colour3)
-                rest = load(scratch, REST + pixel) - weight * q
-                store(scratch, REST + pixel, rest)
-                s = select(open_ & (unclamped < splat(ALPHA_MAX)), weight * (q - rest / after), zeros())
-                s_dy = s * dy
-                sum_s = sum_s + s
-                sum_y = sum_y + s_dy
-                sum_yy = fma(s_dy, dy, sum_yy)
-            sum_x = sum_s * dx
-            gathered = sums((
-                sum_s, sum_x, sum_y, sum_x * dx, sum_y * dx, sum_yy, colour0, colour1, colour2, colour3,
-            ))  # fmt: skip
-            store(entry_gradients, (entries[e] >> TOP_SHIFT) * RECORD, gathered)
-
-
-@njit(cache=True, nogil=True)
-def blend_weights(
-    first_tile, last_tile, start, done, entries, records, x_lanes, y_lanes, pixel_weights, width, height, entry_sums, scratch
-):  # fmt: skip
-    """Sum, for every entry, the blending weight times four images of pixel weights (4, h, w), flat; arguments as of `blend_backward`."""
-    columns = len(x_lanes) // LANES
-    for tile in range(first_tile, last_tile):
-        for e in range(done[tile], start[tile + 1]):
-            store(entry_sums, (entries[e] >> TOP_SHIFT) * RECORD, zeros())
-        top, left = tile // columns * TILE_HEIGHT, tile % columns * TILE_WIDTH
-        rows, across = min(TILE_HEIGHT, height - top), min(TILE_WIDTH, width - left)
-        open_tile(scratch, across, rows)
-        for k in range(4):
-            corner = (k * height + top) * width + left
-            load_tile(pixel_weights, corner, width, across, rows, scratch, UPSTREAM + k * TILE_PIXELS)
-        x_tile = load(x_lanes, tile % columns * LANES)
-        y_tile = tile // columns * TILE_VECTORS
-        for e in range(start[tile], done[tile]):
-            entry = entries[e]
-            at = ((entry >> GAUSSIAN_SHIFT) & GAUSSIAN_MASK) * RECORD
-            dx = x_tile - load_spread(records, at + R_X)
-            mean_y = load_spread(records, at + R_Y)
-            across_power = fma(load_spread(records, at + R_A) * dx, dx, load_spread(records, at + R_OPACITY))
-            slope = load_spread(records, at + R_B) * dx
-            curve = load_spread(records, at + R_C)
-            sum0, sum1, sum2, sum3 = zeros(), zeros(), zeros(), zeros()
-            for vector in range((entry >> ROW_BITS & ROW_MASK) >> 1, ((entry & ROW_MASK) >> 1) + 1):
-                dy = load(y_lanes, (y_tile + vector) * LANES) - mean_y
-                power = fma(fma(curve, dy, slope), dy, across_power)
-                alpha = minimum(alpha_power(power), splat(ALPHA_MAX))
-                alpha = select(power >= splat(POWER_MIN), alpha, zeros())
-                pixel = vector * LANES
-                t = load(scratch, pixel)
-                weight = alpha * t
-                after = t - weight
-                open_ = after > splat(TRANSMITTANCE_MIN)
-                store(scratch, pixel, select(open_, after, -absolute(t)))
-                weight = select(open_, weight, zeros())
-                sum0 = fma(weight, load(scratch, UPSTREAM + pixel), sum0)
-                sum1 = fma(weight, load(scratch, UPSTREAM + TILE_PIXELS + pixel), sum1)
-                sum2 = fma(weight, load(scratch, UPSTREAM + 2 * TILE_PIXELS + pixel), sum2)
-                sum3 = fma(weight, load(scratch, UPSTREAM + 3 * TILE_PIXELS + pixel), sum3)
-            store(entry_sums, (entries[e] >> TOP_SHIFT) * RECORD, sums((sum0, sum1, sum2, sum3)))
+        while entry < end:
+            count = min(BATCH, end - entry)
+            all_of_them = prepare(entry, count, entries, records, x_tile, scratch)
+            clear_sums(entry, count, 3 + channels, entries, entry_gradients, scratch)
+            for vector in range(TILE_VECTORS):
+                if some(load(scratch, RUN + vector * LANES) > splat(TRANSMITTANCE_MIN)):
+                    word = touching(vector, scratch) & all_of_them
+                    if word != 0:
+                        blend_vector_backward(word, vector, load(y_lanes, (y_tile + vector) * LANES), channels, scratch)
+            write_sums(entry, count, x_tile, channels, entries, entry_gradients, scratch)
+            entry += count

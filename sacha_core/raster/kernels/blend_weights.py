@@ -1,0 +1,94 @@
+"""The importance pass: blending weights summed over pixels, without the geometry's gradients."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from sacha_core.raster.kernels.batch import (
+    ALPHA,
+    BATCH,
+    FADED,
+    RUN,
+    let_through,
+    open_tile,
+    prepare,
+    touching,
+    write_alphas,
+)
+from sacha_core.raster.kernels.blend_backward import SUM, SUMS, UPSTREAM, add_product_to, clear_sums, load_tile
+from sacha_core.raster.kernels.lanes import (
+    LANES,
+    inlined,
+    load,
+    lowest_bit,
+    maximum,
+    some,
+    splat,
+    store,
+    sums,
+    zeros,
+)
+from sacha_core.raster.kernels.layout import (
+    RECORD,
+    TILE_HEIGHT,
+    TILE_PIXELS,
+    TILE_VECTORS,
+    TILE_WIDTH,
+    TOP_SHIFT,
+    TRANSMITTANCE_MIN,
+)
+
+
+@inlined
+def weigh_vector(word, vector, y, scratch):
+    """Add the weights of one vector of the tile, times its pixels' weights, to the sums of the entries that `word` names."""
+    write_alphas(word, y, scratch)
+    pixel = vector * LANES
+    run = load(scratch, RUN + pixel)
+    alpha_at = ALPHA
+    while word != 0:
+        at = SUMS + lowest_bit(word) * SUM
+        word &= word - 1
+        weight, run, _ = let_through(load(scratch, alpha_at), run)
+        alpha_at += LANES
+        for part in range(4):
+            add_product_to(scratch, at + part * LANES, weight, load(scratch, UPSTREAM + part * TILE_PIXELS + pixel))
+    store(scratch, RUN + pixel, maximum(run, splat(FADED)))
+
+
+@njit(cache=True, nogil=True)
+def blend_weights(
+    first_tile, last_tile, start, done, entries, records, x_lanes, y_lanes, pixel_weights, width, height, entry_sums, scratch
+):  # fmt: skip
+    """Sum, for every entry, the blending weight times four images of pixel weights (4, h, w), flat; arguments as of `blend_backward`."""
+    columns = len(x_lanes) // LANES
+    for tile in range(first_tile, last_tile):
+        for e in range(done[tile], start[tile + 1]):
+            store(entry_sums, (entries[e] >> TOP_SHIFT) * RECORD, zeros())
+        top, left = tile // columns * TILE_HEIGHT, tile % columns * TILE_WIDTH
+        rows, across = min(TILE_HEIGHT, height - top), min(TILE_WIDTH, width - left)
+        x_tile, y_tile = load(x_lanes, tile % columns * LANES), tile // columns * TILE_VECTORS
+        open_tile(scratch, across, rows)
+        for k in range(4):
+            corner = (k * height + top) * width + left
+            load_tile(pixel_weights, corner, width, across, rows, scratch, UPSTREAM + k * TILE_PIXELS)
+        entry, end = start[tile], done[tile]
+        while entry < end:
+            count = min(BATCH, end - entry)
+            all_of_them = prepare(entry, count, entries, records, x_tile, scratch)
+            clear_sums(entry, count, 4, entries, entry_sums, scratch)
+            for vector in range(TILE_VECTORS):
+                if some(load(scratch, RUN + vector * LANES) > splat(TRANSMITTANCE_MIN)):
+                    word = touching(vector, scratch) & all_of_them
+                    if word != 0:
+                        weigh_vector(word, vector, load(y_lanes, (y_tile + vector) * LANES), scratch)
+            for k in range(count):
+                at = SUMS + k * SUM
+                parts = (
+                    load(scratch, at),
+                    load(scratch, at + LANES),
+                    load(scratch, at + 2 * LANES),
+                    load(scratch, at + 3 * LANES),
+                )
+                store(entry_sums, (entries[entry + k] >> TOP_SHIFT) * RECORD, sums(parts))
+            entry += count
