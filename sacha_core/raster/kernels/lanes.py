@@ -339,7 +339,10 @@ def store_key(typingctx, array, index, tile, first, last):
     def codegen(context, builder, signature, args):
         pointer = address(context, builder, signature.args[0], args[0], args[1])
         tile, first, last = (builder.fptosi(value, INTS) for value in args[2:])
-        word = builder.or_(builder.shl(tile, ir.Constant(INTS, [INT(10)] * LANES)), builder.shl(first, ir.Constant(INTS, [INT(5)] * LANES)))
+        word = builder.or_(
+            builder.shl(tile, ir.Constant(INTS, [INT(10)] * LANES)),
+            builder.shl(first, ir.Constant(INTS, [INT(5)] * LANES)),
+        )
         builder.store(builder.or_(word, last), builder.bitcast(pointer, INTS.as_pointer()), align=4)
         return context.get_dummy_value()
 
@@ -365,7 +368,9 @@ def prefetching(name, writing):
     return function
 
 
-prefetch = prefetching("Ask for the cache line of `array[index]`; any index is allowed, and the contents are not touched.", 0)
+prefetch = prefetching(
+    "Ask for the cache line of `array[index]`; any index is allowed, and the contents are not touched.", 0
+)
 prefetch_to_write = prefetching("Ask for the cache line of `array[index]` to be written; any index is allowed.", 1)
 
 
