@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource
+from sacha_core.cli.common import Common, FileOption, HeadSource, MaybeInt, MaybePath
 from sacha_core.cli.console import Console, table
 from sacha_core.errors import OptionError
 
@@ -50,19 +50,19 @@ class Options:
     quick: bool = False
     """Measure less: a minute or so a bench instead of several."""
 
-    threads: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="(default: one a processor)")] = None
+    threads: Annotated[MaybeInt, tyro.conf.arg(metavar="N", help_behavior_hint="(default: one a processor)")] = None
     """How many threads at most."""
 
     plot: FileOption = None
     """Also draw the picture (PNG) here; not with `all`."""
 
-    out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="PATH", help_behavior_hint="")] = None
+    out: Annotated[MaybePath, tyro.conf.arg(aliases=["-o"], metavar="PATH", help_behavior_hint="")] = None
     """all: the folder (out/bench by default); page: the page (docs/performance.md by default)."""
 
     avatar: FileOption = None
     """codec, playback: measure on this .sacha file or model folder instead of a made avatar."""
 
-    dataset: Annotated[Path | None, tyro.conf.arg(metavar="DATASET", help_behavior_hint="")] = None
+    dataset: Annotated[MaybePath, tyro.conf.arg(metavar="DATASET", help_behavior_hint="")] = None
     """train: measure on this capture instead of one filmed for it."""
 
     head: HeadSource = field(default_factory=HeadSource)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Optional
 
 import tyro
 
@@ -17,14 +17,22 @@ __all__ = [
     "FileOption",
     "HeadSource",
     "ImageSize",
+    "MaybeFloat",
+    "MaybeInt",
+    "MaybePath",
     "PixelsOption",
     "naming",
     "require_both_sides",
     "require_size",
 ]
 
-FileOption = Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")]
-PixelsOption = Annotated[int | None, tyro.conf.arg(metavar="PIXELS", help_behavior_hint="")]
+# `Optional` is what tyro understands by itself; for `X | None` it imports typeguard, which takes longer than the rest of `--help`.
+MaybePath = Optional[Path]  # noqa: UP045
+MaybeInt = Optional[int]  # noqa: UP045
+MaybeFloat = Optional[float]  # noqa: UP045
+MaybeText = Optional[str]  # noqa: UP045
+FileOption = Annotated[MaybePath, tyro.conf.arg(metavar="FILE", help_behavior_hint="")]
+PixelsOption = Annotated[MaybeInt, tyro.conf.arg(metavar="PIXELS", help_behavior_hint="")]
 LARGEST_SIDE = 16_384  # a picture of that many pixels each way takes some gigabytes already
 
 
@@ -43,7 +51,7 @@ class Common:
 class HeadSource:
     """The head that the avatar is bound to."""
 
-    head: Annotated[str | None, tyro.conf.arg(metavar="HEAD", help_behavior_hint="")] = None
+    head: Annotated[MaybeText, tyro.conf.arg(metavar="HEAD", help_behavior_hint="")] = None
     """A head model or rig (.npz), a FLAME pickle, or "synthetic"; by default the one inside the file, else the one used before."""
 
     masks: FileOption = None

@@ -9,11 +9,13 @@ from typing import Annotated, Any
 
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource
+from sacha_core.cli.common import Common, FileOption, HeadSource, MaybePath
 from sacha_core.cli.console import Console, kilobytes
 from sacha_core.errors import OptionError
 
-__all__ = ["Options", "run"]
+__all__ = ["INPUTS", "Options", "run"]
+
+INPUTS = ("file",)
 
 ITERATION = 1  # a folder of a model names its iterations; a decoded avatar has had none that are known
 
@@ -31,12 +33,10 @@ class Options:
     ply: FileOption = None
     """Write the Gaussians here, local to the triangles that `binding_0` names."""
 
-    motion: Annotated[Path | None, tyro.conf.arg(aliases=["--flame-param"], metavar="FILE", help_behavior_hint="")] = (
-        None
-    )
+    motion: Annotated[MaybePath, tyro.conf.arg(aliases=["--flame-param"], metavar="FILE", help_behavior_hint="")] = None
     """Write the motion here, as GaussianAvatars' flame_param.npz."""
 
-    model: Annotated[Path | None, tyro.conf.arg(metavar="MODEL", help_behavior_hint="")] = None
+    model: Annotated[MaybePath, tyro.conf.arg(metavar="MODEL", help_behavior_hint="")] = None
     """Write both into this folder, in the layout of a GaussianAvatars model."""
 
     head: HeadSource = field(default_factory=HeadSource)

@@ -44,6 +44,7 @@ LOOKED_AT = 24  # views of a capture whose pixels are decoded
 ENOUGH_COVERED = (
     0.8  # of the vertices inside the mask: captures are masked below a line through the neck, which hides some
 )
+INPUTS = ("dataset",)
 
 
 @dataclass(frozen=True)

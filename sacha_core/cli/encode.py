@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource
+from sacha_core.cli.common import Common, FileOption, HeadSource, MaybePath
 from sacha_core.cli.console import Console, kilobytes
 from sacha_core.errors import OptionError
 
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from sacha_core.avatar.gaussians import Gaussians
     from sacha_core.codec import Inspection
 
-__all__ = ["Options", "run"]
+__all__ = ["INPUTS", "Options", "run"]
+
+INPUTS = ("model", "ply", "motion")
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class Options:
     """Where the compressed avatar goes."""
 
     model: Annotated[
-        Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help_behavior_hint="(or --ply)")
+        MaybePath, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL", help_behavior_hint="(or --ply)")
     ] = None
     """A model folder, or a .sacha file to compress anew."""
 

@@ -12,7 +12,9 @@ from sacha_core.cli.common import Common, HeadSource, ImageSize, require_both_si
 from sacha_core.cli.console import Console, table
 from sacha_core.errors import OptionError
 
-__all__ = ["Options", "run"]
+__all__ = ["INPUTS", "Options", "run"]
+
+INPUTS = ("avatar", "dataset")
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,9 @@ from sacha_core.cli.console import Console, kilobytes, table
 if TYPE_CHECKING:
     from sacha_core.codec import Inspection
 
-__all__ = ["Options", "byte_counts", "run"]
+__all__ = ["INPUTS", "Options", "byte_counts", "run"]
+
+INPUTS = ("file",)
 
 MEANINGS = {  # of the sections that this version writes
     "Header": "what the file holds",

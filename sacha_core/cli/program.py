@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import difflib
+import errno
 import importlib
 import io
 import os
+import shutil
 import signal
 import sys
+import textwrap
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr
 from itertools import takewhile
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from sacha_core import __version__
 from sacha_core.cli.commands import COMMANDS
 from sacha_core.errors import OptionError, SachaError
 
@@ -92,8 +98,6 @@ def _run(name: str, arguments: list[str]) -> int:
     """Read the options of one command, run it, write its report."""
     import tyro
 
-    from sacha_core.cli.console import Console, write_report
-
     module = _load(name)
     with _wrong_usage_on_one_line(f"sacha {name}"):
         options = tyro.cli(
@@ -104,6 +108,9 @@ def _run(name: str, arguments: list[str]) -> int:
         )
     if options.common.json is not None and options.common.json.is_dir():  # better said now than after hours of work
         raise OptionError(f"--json {options.common.json} is a folder; expected the name of a file")
+    require_there(getattr(options, field) for field in getattr(module, "INPUTS", ()))
+    from sacha_core.cli.console import Console, write_report
+
     start = time.perf_counter()
     with Console(options.common.progress) as console:
         found: dict[str, Any] = module.run(options, console)
@@ -146,30 +153,51 @@ def boxed(text: str) -> str:
 
 
 def _front_page(arguments: list[str]) -> int:
-    """Show the list of commands or the version, or say that there is no such command."""
-    import tyro
+    """Show the list of commands or the version, or say that there is no such command.
 
-    from sacha_core import __version__
-
-    if arguments == ["--version"]:
+    Raises:
+        OptionError: something else was asked for.
+    """
+    if not arguments or arguments[0] in {"-h", "--help"}:
+        sys.stdout.write(listed_commands(shutil.get_terminal_size().columns))
+    elif arguments == ["--version"]:
         sys.stdout.write(f"sacha {__version__}\n")
-        return 0
+    else:
+        meant = difflib.get_close_matches(arguments[0], COMMANDS, 1)
+        guess = f"; did you mean {meant[0]}?" if meant else ""
+        first = arguments[0]
+        wrong = f"expected a command before {first}" if first.startswith("-") else f"there is no command {first}"
+        raise OptionError(f"{wrong}{guess}; see sacha --help")
+    sys.stdout.flush()
+    return 0
 
-    listed = {name: _described(command.summary) for name, command in COMMANDS.items() if command.summary}
-    with _wrong_usage_on_one_line("sacha"):
-        tyro.extras.subcommand_cli_from_dict(
-            listed, prog="sacha", description=DESCRIPTION, args=arguments or ["--help"]
+
+def listed_commands(columns: int) -> str:
+    """Give the front page, set to the width of a terminal."""
+    shown = {name: command.summary for name, command in COMMANDS.items() if command.summary}
+    indent = max(map(len, shown)) + 4
+    lines = [
+        textwrap.fill(
+            summary,
+            max(columns - 1, 2 * indent),
+            initial_indent=f"  {name:{indent - 2}}",
+            subsequent_indent=" " * indent,
+            break_on_hyphens=False,
         )
-    raise OptionError(f"no command in {' '.join(arguments)}")  # pragma: no cover (tyro has ended the program)
+        for name, summary in shown.items()
+    ]
+    return "\n".join(["usage: sacha COMMAND ...", "", DESCRIPTION, "", *lines, ""])
 
 
-def _described(summary: str) -> Callable[[], None]:
-    """Give a function without arguments whose help is `summary`."""
+def require_there(inputs: Iterable[Path | None]) -> None:
+    """Refuse the name of a file or folder that is not there, before anything heavy is loaded to read it.
 
-    def command() -> None: ...
-
-    command.__doc__ = summary
-    return command
+    Raises:
+        FileNotFoundError: naming the first.
+    """
+    for path in inputs:
+        if path is not None and not path.exists():
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), os.fspath(path))
 
 
 def _load(name: str) -> ModuleType:

@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import numpy as np
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource, PixelsOption, require_both_sides, require_size
+from sacha_core.cli.common import (
+    Common,
+    FileOption,
+    HeadSource,
+    MaybeFloat,
+    MaybePath,
+    PixelsOption,
+    require_both_sides,
+    require_size,
+)
 from sacha_core.cli.console import Console
 from sacha_core.errors import OptionError
 from sacha_core.progress import Progress
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from sacha_core.cli.cameras import RoundTheHead, ThroughCapture
     from sacha_core.cli.stage import Stage
 
-__all__ = ["Options", "ViewOptions", "run"]
+__all__ = ["INPUTS", "Options", "ViewOptions", "run"]
+
+INPUTS = ("avatar", "motion")
 
 DEFAULT_SIZE = (550, 802)  # the paper's images
 
@@ -35,18 +48,18 @@ class ViewOptions:
     elevation: Annotated[float, tyro.conf.arg(metavar="DEGREES")] = 0.0
     """How far above the middle of the head."""
 
-    distance: Annotated[float | None, tyro.conf.arg(metavar="METRES", help_behavior_hint="(default: 1)")] = None
+    distance: Annotated[MaybeFloat, tyro.conf.arg(metavar="METRES", help_behavior_hint="(default: 1)")] = None
     """From the middle of the head."""
 
     focal: Annotated[
-        float | None, tyro.conf.arg(metavar="PIXELS", help_behavior_hint="(default: so that the head fits)")
+        MaybeFloat, tyro.conf.arg(metavar="PIXELS", help_behavior_hint="(default: so that the head fits)")
     ] = None
     """Focal length."""
 
     orbit: Annotated[float, tyro.conf.arg(metavar="DEGREES")] = 0.0
     """Video only: how far the cameras travel round the head from first frame to last; 360 is once round."""
 
-    dataset: Annotated[Path | None, tyro.conf.arg(metavar="DATASET", help_behavior_hint="")] = None
+    dataset: Annotated[MaybePath, tyro.conf.arg(metavar="DATASET", help_behavior_hint="")] = None
     """A capture whose cameras to look through, instead of all the above."""
 
     camera: Annotated[tuple[int, ...], tyro.conf.arg(metavar="INDEX...")] = (8,)
@@ -67,13 +80,13 @@ class Options:
     avatar: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="AVATAR")]
     """A .sacha file, a model folder, or a PLY of bound Gaussians (with --head)."""
 
-    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="FILE.png", help_behavior_hint="")] = None
+    output: Annotated[MaybePath, tyro.conf.arg(aliases=["-o"], metavar="FILE.png", help_behavior_hint="")] = None
     """The picture to write."""
 
     frame: int = 0
     """Which frame of the motion the picture shows, from 0."""
 
-    video: Annotated[Path | None, tyro.conf.arg(metavar="FILE.mp4", help_behavior_hint="")] = None
+    video: Annotated[MaybePath, tyro.conf.arg(metavar="FILE.mp4", help_behavior_hint="")] = None
     """The video to write."""
 
     frames: Annotated[str, tyro.conf.arg(metavar="FROM:TO:STEP", help_behavior_hint="(default: all)")] = ":"
@@ -129,7 +142,7 @@ def require_consistent(options: Options) -> None:
     view, usual = options.view, ViewOptions()
     for name in ("azimuth", "elevation", "distance", "focal", "orbit"):
         value = getattr(view, name)
-        if value is not None and not np.isfinite(value).all():
+        if value is not None and not all(map(math.isfinite, value if isinstance(value, tuple) else (value,))):
             raise OptionError(f"--{name} is not finite, expected plain numbers")
         if value != getattr(usual, name) and view.dataset is not None:
             raise OptionError(f"--{name} moves no camera of a capture; expected it or --dataset, not both")

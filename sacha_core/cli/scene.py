@@ -12,7 +12,9 @@ from sacha_core.cli.common import Common, HeadSource
 from sacha_core.cli.console import Console
 from sacha_core.progress import Progress
 
-__all__ = ["Options", "run"]
+__all__ = ["INPUTS", "Options", "run"]
+
+INPUTS = ("file",)
 
 
 @dataclass(frozen=True)

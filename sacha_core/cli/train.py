@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Optional
 
 import tyro
 
-from sacha_core.cli.common import Common, HeadSource, PixelsOption, require_both_sides
+from sacha_core.cli.common import Common, HeadSource, MaybeInt, PixelsOption, require_both_sides
 from sacha_core.cli.console import Console
 from sacha_core.cli.waiting import duration
 from sacha_core.errors import OptionError
@@ -17,9 +17,12 @@ from sacha_core.errors import OptionError
 if TYPE_CHECKING:
     from sacha_core.train.options import TrainOptions
 
-__all__ = ["Options", "run"]
+__all__ = ["INPUTS", "Options", "run"]
+
+INPUTS = ("dataset",)
 
 Variant = Literal["ga", "default", "rad", "rad-gp-lgs", "rad-gp-pis", "default-gp-pis", "paper", "sacha"]
+MaybePreset = Optional[Literal["paper"]]  # noqa: UP045 (see cli/common.py)
 ITERATIONS = 6000  # some minutes on two cores
 
 
@@ -42,10 +45,10 @@ class Options:
     variant: Variant = "sacha"
     """How Gaussians are grown and pruned; all but `ga` and `default` give each region of the head its own share."""
 
-    iterations: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint=f"(default: {ITERATIONS})")] = None
+    iterations: Annotated[MaybeInt, tyro.conf.arg(metavar="N", help_behavior_hint=f"(default: {ITERATIONS})")] = None
     """Length of the run; every event of the paper's run comes at the same fraction of it."""
 
-    preset: Annotated[Literal["paper"] | None, tyro.conf.arg(metavar="paper", help_behavior_hint="")] = None
+    preset: Annotated[MaybePreset, tyro.conf.arg(metavar="paper", help_behavior_hint="")] = None
     """Instead of --iterations: the paper's run of 360,000."""
 
     seed: int = 0
@@ -60,7 +63,7 @@ class Options:
     height: PixelsOption = None
     """Height of these images; by default the stored one."""
 
-    threads: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="(default: one for each core)")] = None
+    threads: Annotated[MaybeInt, tyro.conf.arg(metavar="N", help_behavior_hint="(default: one for each core)")] = None
     """How many threads work."""
 
     restart: bool = False

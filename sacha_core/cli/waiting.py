@@ -8,11 +8,6 @@ import sys
 import time
 from typing import Protocol
 
-from rich.console import Console as Terminal
-from rich.progress import BarColumn, TextColumn
-from rich.progress import Progress as RichProgress
-from rich.table import Column
-
 from sacha_core.progress import Progress
 
 __all__ = ["Bar", "JsonLines", "Nothing", "PlainLines", "TimeLeft", "Waiting", "duration"]
@@ -117,6 +112,11 @@ class Bar:
     """A bar for each stage, with the time left and the stage's figures."""
 
     def __init__(self) -> None:
+        from rich.console import Console as Terminal
+        from rich.progress import BarColumn, TextColumn
+        from rich.progress import Progress as RichProgress
+        from rich.table import Column
+
         self._left = TimeLeft()
         self._bars = RichProgress(
             TextColumn("{task.description}"),

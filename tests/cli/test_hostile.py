@@ -113,6 +113,7 @@ def test_a_capture_with_a_missing_image(refused, capture: Path, tmp_path: Path) 
     shutil.copytree(capture, root)
     image = sorted(root.glob("*EMO-1*/images/*.png"))[3]
     image.unlink()
+    (tmp_path / "a.sacha").touch()
     for arguments in (
         ("doctor", root),
         ("train", root, "-o", tmp_path / "m"),
