@@ -58,8 +58,9 @@ class SymbolWriter:
         values = np.concatenate([np.zeros(0, np.int64), *(batch[0] for batch in self._batches)])
         contexts = np.concatenate([np.zeros(0, np.int64), *(batch[1] for batch in self._batches)])
         tokens, raw = token_split.split_tokens(values)
-        counts = np.zeros((self._n_contexts, 2 * token_split.MAX_TOKEN + 1), np.int64)
-        np.add.at(counts, (contexts, tokens + token_split.MAX_TOKEN), 1)
+        width = 2 * token_split.MAX_TOKEN + 1
+        cells = contexts * width + tokens + token_split.MAX_TOKEN
+        counts = np.bincount(cells, minlength=self._n_contexts * width).reshape(self._n_contexts, width)
         table_of, grouped = group_contexts(counts)
         tables = [fit_table(row) for row in grouped]
         coded_tables = write_tables(table_of, tables)

@@ -21,22 +21,23 @@ MAX_TOKEN = DIRECT + (28 - 4) * (1 << MANTISSA_BITS) - 1
 
 def raw_lengths(tokens: Int[np.ndarray, " m"]) -> Int[np.ndarray, " m"]:
     """Number of raw bits that follow each token."""
-    return np.asarray(
-        np.maximum((np.abs(tokens) - DIRECT) // (1 << MANTISSA_BITS) + 4 - MANTISSA_BITS, 0)
-        * (np.abs(tokens) >= DIRECT)
-    )
+    lengths = np.zeros(tokens.shape, np.int64)
+    far = np.flatnonzero(np.abs(tokens) >= DIRECT)  # few
+    lengths[far] = (np.abs(tokens[far]) - DIRECT) // (1 << MANTISSA_BITS) + 4 - MANTISSA_BITS
+    return lengths
 
 
 def split_tokens(values: Int[np.ndarray, " m"]) -> tuple[Int[np.ndarray, " m"], Int[np.ndarray, " m"]]:
     """Give the tokens of `values` (magnitudes up to MAX_VALUE) and the raw bits as integers."""
-    magnitude = np.abs(values)
+    tokens, raw = values.copy(), np.zeros_like(values)
+    far = np.flatnonzero(np.abs(values) >= DIRECT)
+    magnitude = np.abs(values[far])
     octave = np.frexp(magnitude.astype(np.float64))[1].astype(np.int64) - 1
-    shift = np.maximum(octave - MANTISSA_BITS, 0)
+    shift = octave - MANTISSA_BITS
     coarse = DIRECT + (octave - 4) * (1 << MANTISSA_BITS) + ((magnitude >> shift) & ((1 << MANTISSA_BITS) - 1))
-    direct = magnitude < DIRECT
-    token = np.where(direct, magnitude, coarse)
-    raw = np.where(direct, 0, magnitude & ((1 << shift) - 1))
-    return np.where(values < 0, -token, token), raw
+    tokens[far] = np.where(values[far] < 0, -coarse, coarse)
+    raw[far] = magnitude & ((1 << shift) - 1)
+    return tokens, raw
 
 
 def join_tokens(tokens: Int[np.ndarray, " m"], raw: Int[np.ndarray, " m"]) -> Int[np.ndarray, " m"]:
