@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pytest
 from cuda_scenes import Stage, make_stage, make_state
 
+from sacha_core.bench.exact import one_thread
 from sacha_core.train.state import TrainState
+
+
+@pytest.fixture(autouse=True)
+def one_torch_thread() -> Iterator[None]:
+    """Keep torch on one thread: on tensors so small more of them only wait for each other."""
+    with one_thread():
+        yield
 
 
 @pytest.fixture(scope="session")

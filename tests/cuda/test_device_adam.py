@@ -19,7 +19,10 @@ SHAPES = {
     "position": (N, 3), "log_scale": (N, 3), "quaternion": (N, 4), "opacity_logit": (N,), "sensitivity_logit": (N,), "sh_dc": (N, 3),
     "sh_rest": (N, 15, 3), "rotation": (T, 3), "neck": (T, 3), "jaw": (T, 3), "eyes": (T, 6), "translation": (T, 3), "expression": (T, 20),
 }  # fmt: skip
-LAYOUT = Layout(tuple(SHAPES[name] for name in NAMES))
+LAYOUT = Layout(
+    tuple(SHAPES[name] for name in GROUPS["gaussians"]), T, tuple(SHAPES[name][1] for name in GROUPS["motion"])
+)
+ALL = frozenset({*GROUPS["gaussians"], "motion"})
 RATES = {name: 10.0**-place for place, name in enumerate(NAMES, 1)}
 
 
@@ -51,14 +54,23 @@ def test_each_number_has_the_owner_whose_view_it_lies_in() -> None:
         assert (view == place).all()
 
 
-@given(st.sets(st.sampled_from(NAMES)))
-def test_stretches_cover_exactly_what_moves(still) -> None:
+@given(st.sets(st.sampled_from(sorted(ALL))))
+def test_stretches_cover_exactly_what_moves(moving) -> None:
     counts = torch.zeros(LAYOUT.size)
-    for group, begin, end in LAYOUT.runs(frozenset(still)):
+    for begin, end in LAYOUT.runs(frozenset(moving)):
         counts[begin:end] += 1
-        assert any(name in GROUPS[group] for name in NAMES if name not in still)
     for name, view in LAYOUT.views(counts).items():
-        assert (view == (name not in still)).all(), name
+        assert (view == (("motion" if name in GROUPS["motion"] else name) in moving)).all(), name
+
+
+def test_all_of_it_is_one_stretch() -> None:
+    assert list(LAYOUT.runs(ALL)) == [(0, LAYOUT.size)]
+
+
+def test_the_table_has_the_motion_side_by_side() -> None:
+    flat_ = flat(0)
+    views = LAYOUT.views(flat_)
+    assert torch.equal(LAYOUT.table(flat_), torch.cat([views[name] for name in GROUPS["motion"]], 1))
 
 
 def test_steps_are_those_of_the_formula() -> None:
@@ -67,7 +79,7 @@ def test_steps_are_those_of_the_formula() -> None:
     first, second = ({name: np.zeros(shape) for name, shape in SHAPES.items()} for _ in range(2))
     for step in range(1, 30):
         slopes = arrays(step, 10.0 ** (step % 5 - 4))
-        adam.step(values, torch.from_numpy(LAYOUT.pack(slopes)), rates(), torch.tensor(True), frozenset())
+        adam.step(values, torch.from_numpy(LAYOUT.pack(slopes)), rates(), torch.tensor(True), ALL)
         for name, slope in slopes.items():
             first[name] = BETAS[0] * first[name] + (1 - BETAS[0]) * slope
             second[name] = BETAS[1] * second[name] + (1 - BETAS[1]) * slope.astype(np.float64) ** 2
@@ -86,19 +98,19 @@ def test_a_step_that_is_not_sound_changes_no_bit(poison) -> None:
     adam, values = DeviceAdam(LAYOUT, CPU), flat(0)
     for steps in range(2):  # from no moments, and from some
         before = [tensor.clone() for tensor in (values, adam.first, adam.second)]
-        adam.step(values, torch.full_like(values, poison), rates(), torch.tensor(False), frozenset())
+        adam.step(values, torch.full_like(values, poison), rates(), torch.tensor(False), ALL)
         for tensor, kept in zip((values, adam.first, adam.second), before, strict=True):
             assert torch.equal(tensor, kept)
         assert adam.steps == {"gaussians": steps, "motion": steps}
-        adam.step(values, flat(1), rates(), torch.tensor(True), frozenset())
+        adam.step(values, flat(1), rates(), torch.tensor(True), ALL)
 
 
 def test_what_stays_still_keeps_its_moments_and_its_group_counts_where_another_moves() -> None:
     adam, values = DeviceAdam(LAYOUT, CPU), flat(0)
-    adam.step(values, flat(1), rates(), torch.tensor(True), frozenset())
+    adam.step(values, flat(1), rates(), torch.tensor(True), ALL)
     before = {name: view.clone() for name, view in LAYOUT.views(adam.first).items()}
     kept = {name: view.clone() for name, view in LAYOUT.views(values).items()}
-    adam.step(values, flat(2), rates(), torch.tensor(True), frozenset({"opacity_logit", *GROUPS["motion"]}))
+    adam.step(values, flat(2), rates(), torch.tensor(True), ALL - {"opacity_logit", "motion"})
     assert adam.steps == {"gaussians": 2, "motion": 1}
     for name in NAMES:
         stays = name == "opacity_logit" or name in GROUPS["motion"]
@@ -110,7 +122,7 @@ def test_moments_too_small_for_a_normal_number_become_zero() -> None:
     adam, values = DeviceAdam(LAYOUT, CPU), torch.zeros(LAYOUT.size)
     adam.first.fill_(-1e-37)
     adam.second.fill_(1e-37)
-    adam.step(values, torch.zeros_like(values), rates(), torch.tensor(True), frozenset())
+    adam.step(values, torch.zeros_like(values), rates(), torch.tensor(True), ALL)
     assert not adam.first.any()
     assert not adam.second.any()
     assert not values.any()

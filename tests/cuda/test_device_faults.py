@@ -12,7 +12,7 @@ from sacha_core.train.cuda.layout import NAMES, Layout
 from sacha_core.train.faults import LARGEST_GRADIENT, Fault, Faults
 
 N, T = 11, 4
-LAYOUT = Layout(tuple((N, 3) if place < 7 else (T, 5) for place in range(len(NAMES))))
+LAYOUT = Layout(((N, 3),) * 7, T, (5,) * 6)
 ITERATION, TIMESTEP = 17, 2
 
 

@@ -33,7 +33,7 @@ class DeviceAdam:
     def __init__(self, layout: Layout, device: torch.device) -> None:
         self._layout = layout
         self._owner = layout.owner(device)
-        self._group = torch.tensor([list(GROUPS).index(g) for g in GROUPS for _ in GROUPS[g]], device=device)
+        self._group = torch.tensor([place for place, group in enumerate(GROUPS) for _ in GROUPS[group]], device=device)
         self._betas = torch.tensor(BETAS, dtype=torch.float64, device=device)
         self._steps = torch.zeros(len(GROUPS), dtype=torch.int64, device=device)
         self.first, self.second = (torch.zeros(layout.size, device=device) for _ in range(2))
@@ -53,7 +53,7 @@ class DeviceAdam:
         gradient: Float[Tensor, " p"],
         rates: Float[Tensor, " k"],
         sound: Bool[Tensor, ""],
-        still: frozenset[str],
+        moving: frozenset[str],
     ) -> None:
         """Take one step; where `sound` is false, change nothing.
 
@@ -62,24 +62,26 @@ class DeviceAdam:
             gradient: in the layout.
             rates: float64 learning rates, in the order of `NAMES`.
             sound: whether every gradient is finite.
-            still: what stays as it is, moments included. A group that is all still counts no step.
+            moving: attributes that step, and `motion` if the motion does. All else stays as it is, moments included; a group of which
+                nothing moves counts no step.
         """
-        runs = list(self._layout.runs(still))
-        for place, group in enumerate(GROUPS):
-            if any(moving == group for moving, _, _ in runs):
-                self._steps[place].add_(sound)
-        # where the step is not taken, moments keep all, take nothing, and the rates are 0
+        if moving - {"motion"}:
+            self._steps[0].add_(sound)
+        if "motion" in moving:
+            self._steps[1].add_(sound)
+        # where the step is not taken, moments keep all and take nothing, and the rates are 0
         keep = torch.where(sound, self._betas, 1).float()
         take = torch.where(sound, 1 - self._betas, 0).float()
-        correction = 1 - self._betas[:, None] ** self._steps
-        pace = torch.where(sound, rates / correction[0].index_select(0, self._group), 0).float()
+        correction = (1 - self._betas[:, None] ** self._steps).index_select(1, self._group)
+        pace = torch.where(sound, rates / correction[0], 0).float()
         root = torch.where(sound, correction[1].rsqrt(), 1).float()
-        for group, begin, end in runs:
+        for begin, end in self._layout.runs(moving):
             part = slice(begin, end)
+            owner = self._owner[part]
             first, second, slope = self.first[part], self.second[part], torch.where(sound, gradient[part], 0)
             first.mul_(keep[0]).addcmul_(slope, take[0])
             second.mul_(keep[1]).addcmul_(slope * take[1], slope)
             first.copy_(hardshrink(first, float(TINIEST)))
             second.copy_(threshold(second, float(TINIEST), 0.0))
-            divisor = second.sqrt().mul_(root[list(GROUPS).index(group)]).add_(EPSILON)
-            values[part].sub_((pace.index_select(0, self._owner[part]) * first).div_(divisor))
+            divisor = second.sqrt().mul_(root.index_select(0, owner)).add_(EPSILON)
+            values[part].sub_(pace.index_select(0, owner).mul_(first).div_(divisor))

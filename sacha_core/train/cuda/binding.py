@@ -13,7 +13,17 @@ from torch.nn.functional import normalize
 from sacha_core.geometry.quaternion import SMALLEST_NORM
 from sacha_core.geometry.triangle import degenerate_limit
 
-__all__ = ["Frames", "carry", "triangle_frames"]
+__all__ = ["Binder", "Frames"]
+
+# Entries of 4 q q^T - 1 for a unit quaternion wxyz, row by row, as sums of the rotation's entries
+OUTER = (
+    "+xx+yy+zz", "+zy-yz", "+xz-zx", "+yx-xy",
+    "+zy-yz", "+xx-yy-zz", "+xy+yx", "+xz+zx",
+    "+xz-zx", "+xy+yx", "+yy-xx-zz", "+yz+zy",
+    "+yx-xy", "+xz+zx", "+yz+zy", "+zz-xx-yy",
+)  # fmt: skip
+# The matrix that multiplies by a quaternion from the left, row by row
+PRODUCT = ("+w", "-x", "-y", "-z", "+x", "+w", "-z", "+y", "+y", "+z", "+w", "-x", "+z", "-y", "+x", "+w")
 
 
 @dataclass(frozen=True)
@@ -34,70 +44,81 @@ class Frames:
         return self.table[:, 9]
 
 
-def triangle_frames(vertices: Float[Tensor, "v 3"], faces: Int[Tensor, "f 3"]) -> Frames:
-    """Frame of each triangle: see `sacha_core.geometry.triangle`. A degenerate one is told, not refused: nothing waits for the device.
+class Binder:
+    """Finds the frames of a mesh's triangles, and carries Gaussians along.
+
+    Args:
+        faces: (f, 3) vertex indices, counter-clockwise seen from outside.
+        device: where to compute.
+        dtype: float32, or float64 where gradients are checked.
 
     Source: Qian et al., GaussianAvatars, CVPR 2024, section 3.2.
     """
-    p0, p1, p2 = vertices.index_select(0, faces.reshape(-1)).view(-1, 3, 3).unbind(1)
-    edge, second = p1 - p0, p2 - p0
-    normal = torch.linalg.cross(edge, second)
-    edge_squared, normal_squared = (edge * edge).sum(1), (normal * normal).sum(1)
-    kind = np.dtype(str(vertices.dtype).removeprefix("torch."))
-    limit = degenerate_limit(kind) ** 2 * edge_squared * (second * second).sum(1)
-    sound = (normal_squared > limit) & (normal_squared < torch.inf)
-    sound &= (normal_squared >= np.finfo(kind).tiny) & (edge_squared >= np.finfo(kind).tiny)
-    edge_length, normal_length = edge_squared.sqrt(), normal_squared.sqrt()
-    scale = (edge_length + normal_length / edge_length) / 2
-    edge, normal = edge / edge_length[:, None], normal / normal_length[:, None]
-    rotation = torch.stack([edge, normal, torch.linalg.cross(edge, normal)], 2)
-    origin = (p0 + p1 + p2) / 3
-    return Frames(torch.cat([rotation.view(-1, 9), scale[:, None], origin, quaternions(rotation)], 1), sound)
+
+    def __init__(self, faces: Int[np.ndarray, "f 3"], device: torch.device, dtype: torch.dtype = torch.float32) -> None:
+        self._corners = torch.from_numpy(faces.astype(np.int32)).to(device).reshape(-1)
+        self._outer = signs(OUTER, [a + b for a in "xyz" for b in "xyz"]).to(device, dtype)
+        self._one = torch.eye(4, device=device, dtype=dtype).reshape(-1)
+        self._product = signs(PRODUCT, list("wxyz")).to(device, dtype)
+        numbers = torch.finfo(dtype)
+        self._limit, self._smallest = degenerate_limit(np.dtype(numbers.dtype)) ** 2, float(numbers.tiny)
+
+    def frames(self, vertices: Float[Tensor, "v 3"]) -> Frames:
+        """Find the frames: see `sacha_core.geometry.triangle`. A degenerate triangle is told, not refused: nothing waits for the device.
+
+        Args:
+            vertices: (v, 3) posed, metres.
+        """
+        p0, p1, p2 = vertices.index_select(0, self._corners).view(-1, 3, 3).unbind(1)
+        edge, second = p1 - p0, p2 - p0
+        normal = torch.linalg.cross(edge, second)
+        edge_squared, normal_squared = (edge * edge).sum(1), (normal * normal).sum(1)
+        sound = (normal_squared > self._limit * edge_squared * (second * second).sum(1)) & (normal_squared < torch.inf)
+        sound &= torch.minimum(normal_squared, edge_squared) >= self._smallest
+        edge_length, normal_length = edge_squared.sqrt(), normal_squared.sqrt()
+        scale = (edge_length + normal_length / edge_length) / 2
+        edge, normal = edge / edge_length[:, None], normal / normal_length[:, None]
+        rotation = torch.stack([edge, normal, torch.linalg.cross(edge, normal)], 2).view(-1, 9)
+        return Frames(torch.cat([rotation, scale[:, None], (p0 + p1 + p2) / 3, self._quaternions(rotation)], 1), sound)
+
+    def carry(
+        self,
+        position: Float[Tensor, "n 3"],
+        log_scale: Float[Tensor, "n 3"],
+        quaternion: Float[Tensor, "n 4"],
+        binding: Int[Tensor, " n"],
+        frames: Frames,
+    ) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"], Float[Tensor, "n 4"]]:
+        """Carry Gaussians; give means and standard deviations, metres, and unit quaternions in the world.
+
+        Args:
+            position: (n, 3) in units of the triangle.
+            log_scale: (n, 3) natural logarithm of the standard deviations in units of the triangle.
+            quaternion: (n, 4) wxyz, of any length.
+            binding: (n,) triangle of each.
+            frames: of the posed head.
+        """
+        rotation, scale, origin, turn = frames.table.index_select(0, binding).split_with_sizes([9, 1, 3, 4], 1)
+        means = scale * (rotation.view(-1, 3, 3) * position[:, None, :]).sum(2) + origin
+        unit = normalize(quaternion, dim=1, eps=SMALLEST_NORM)
+        turned = ((turn @ self._product).view(-1, 4, 4) * unit[:, None, :]).sum(2)
+        return means, scale * log_scale.exp(), turned
+
+    def _quaternions(self, rotation: Float[Tensor, "f 9"]) -> Float[Tensor, "f 4"]:
+        """Give the unit quaternion of each matrix, its largest component positive: see `sacha_core.geometry.quaternion.from_matrix`.
+
+        Source: Shepperd, Quaternion from rotation matrix, 1978.
+        """
+        outer = torch.addmm(self._one, rotation, self._outer)
+        largest = outer[:, ::5].argmax(1)
+        rows = outer.view(-1, 4, 4).gather(1, largest[:, None, None].expand(-1, 1, 4))
+        return normalize(rows[:, 0], dim=1, eps=SMALLEST_NORM)
 
 
-def quaternions(rotation: Float[Tensor, "f 3 3"]) -> Float[Tensor, "f 4"]:
-    """Give the unit quaternion of each matrix, its largest component positive: see `sacha_core.geometry.quaternion.from_matrix`.
-
-    Source: Shepperd, Quaternion from rotation matrix, 1978.
-    """
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation.view(-1, 9).unbind(1)
-    wx, wy, wz = zy - yz, xz - zx, yx - xy
-    sxy, sxz, syz = xy + yx, xz + zx, yz + zy
-    w, x, y, z = 1 + xx + yy + zz, 1 + xx - yy - zz, 1 + yy - xx - zz, 1 + zz - xx - yy
-    rows = torch.stack([w, wx, wy, wz, wx, x, sxy, sxz, wy, sxy, y, syz, wz, sxz, syz, z], 1).view(-1, 4, 4)
-    largest = torch.stack([w, x, y, z], 1).argmax(1)
-    return normalize(rows.gather(1, largest[:, None, None].expand(-1, 1, 4))[:, 0], dim=1, eps=SMALLEST_NORM)
-
-
-def carry(
-    position: Float[Tensor, "n 3"],
-    log_scale: Float[Tensor, "n 3"],
-    quaternion: Float[Tensor, "n 4"],
-    binding: Int[Tensor, " n"],
-    frames: Frames,
-) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"], Float[Tensor, "n 4"]]:
-    """Carry Gaussians along with their triangles; give means and standard deviations, metres, and unit quaternions in the world.
-
-    Args:
-        position: (n, 3) in units of the triangle.
-        log_scale: (n, 3) natural logarithm of the standard deviations in units of the triangle.
-        quaternion: (n, 4) wxyz, of any length.
-        binding: (n,) triangle of each.
-        frames: of the posed head.
-
-    Source: Qian et al., GaussianAvatars, CVPR 2024, equations 2 to 4.
-    """
-    rotation, scale, origin, turn = frames.table.index_select(0, binding).split_with_sizes([9, 1, 3, 4], 1)
-    means = scale * (rotation.view(-1, 3, 3) * position[:, None, :]).sum(2) + origin
-    aw, ax, ay, az = turn.unbind(1)
-    w, x, y, z = normalize(quaternion, dim=1, eps=SMALLEST_NORM).unbind(1)
-    turned = torch.stack(
-        [
-            aw * w - ax * x - ay * y - az * z,
-            aw * x + ax * w + ay * z - az * y,
-            aw * y - ax * z + ay * w + az * x,
-            aw * z + ax * y - ay * x + az * w,
-        ],
-        1,
-    )
-    return means, scale * log_scale.exp(), turned
+def signs(sums: tuple[str, ...], terms: list[str]) -> Float[Tensor, "k m"]:
+    """Give the matrix whose columns are sums of terms, each written with its sign."""
+    table, width = torch.zeros(len(terms), len(sums)), 1 + len(terms[0])
+    for column, text in enumerate(sums):
+        for at in range(0, len(text), width):
+            table[terms.index(text[at + 1 : at + width]), column] = 1 if text[at] == "+" else -1
+    return table

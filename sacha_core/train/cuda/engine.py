@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
+from functools import partial
 
 import numpy as np
 import torch
@@ -114,7 +115,7 @@ class CudaEngine:
         with self._stage("posing"):
             centres = torch.cat([batch.cameras.centres for batch in batches])
             *splats, colours, scale, posed = self._record(
-                "pose", self._place, *leaves.values(), centres, key=degree, learns=True
+                "posing", self._place, *leaves, centres, key=degree, learns=True
             )
         drawings, slopes, parts = [], [], []
         for batch, seen in zip(batches, colours.split_with_sizes([len(batch) for batch in batches]), strict=True):
@@ -122,24 +123,27 @@ class CudaEngine:
                 drawings.append(self._drawer.draw(World(*splats), seen, batch.cameras, self._absolute))
             with self._stage("loss"), torch.no_grad():
                 images = (drawings[-1].image, batch.image, batch.sensitivity)
-                losses, slope = self._record("loss", self._image_loss, *images)
-                parts.append(losses * (len(batch) / len(targets)))
-                slopes.append(slope * (len(batch) / len(targets)))
+                found = self._record("loss", self._image_loss, *images)
+                if len(batches) > 1:  # each counts by its views
+                    found = tuple(one * (len(batch) / len(targets)) for one in found)
+                parts.append(found[0])
+                slopes.append(found[1])
         with self._stage("backward"):
-            wanted = [leaf for leaf in leaves.values() if leaf.requires_grad] + [one.means_2d for one in drawings]
+            wanted = [leaf for leaf in leaves if leaf.requires_grad] + [one.means_2d for one in drawings]
             found = torch.autograd.grad([one.image for one in drawings], wanted, slopes, materialize_grads=True)
         with self._stage("statistics"), torch.no_grad():
             visible = torch.cat([drawing.visible for drawing in drawings])
             lengths = self._lengths(drawings, batches, found[-len(drawings) :], len(targets))
             facts = (torch.stack(parts).sum(0), visible, lengths, colours, scale, posed)
-            (self._sound,) = self._record("account", self._account, *facts, *found[: -len(drawings)])
+            (self._sound,) = self._record("statistics", self._account, *facts, *found[: -len(drawings)])
 
     def advance(self, rates: Mapping[str, float], void: frozenset[str]) -> None:
         """Let Adam step with the gradients kept, unless the last `differentiate` found a fault."""
-        still = {*void, *(() if self._degree > 0 else ("sh_rest",)), *(() if self._fine_tune else FITTED_MOTION)}
+        moving = {*ATTRIBUTES, *(("motion",) if self._fine_tune else ())} - void
+        step = partial(self._step, frozenset(moving if self._degree > 0 else moving - {"sh_rest"}))
         by_name = upload(np.array([rates[name] for name in NAMES]), self._device)
         with self._stage("Adam"), torch.no_grad():
-            self._record("adam", self._step(frozenset(still)), by_name, self._sound, key=frozenset(still))
+            self._record("Adam", step, by_name, self._sound, key=step.args)
 
     def losses(self) -> dict[str, float]:
         """Give the mean losses of the iterations without fault since the last call; waits for the device."""
@@ -160,7 +164,8 @@ class CudaEngine:
         """Give each Gaussian's blending weight summed over pixels of views of one timestep: plain, and by reference sensitivity."""
         summed = torch.zeros(len(self._state.binding), 2, dtype=torch.float64, device=self._device)
         with torch.no_grad():
-            world, _, posed = self._scene.place(self._leaves(targets[0].timestep), self._state.binding)
+            row = self._state.motion[targets[0].timestep]
+            world, _, posed = self._scene.place(self._state.values, row, self._state.binding)
             for batch in self._targets.batches(targets):
                 sensitive = batch.sensitivity * (1 / 255)
                 pixels = torch.stack([torch.ones_like(sensitive), sensitive], 3)
@@ -177,18 +182,17 @@ class CudaEngine:
     def _stage(self, name: str) -> AbstractContextManager[None]:
         return self._clock(self.stopwatch, name)
 
-    def _leaves(self, timestep: int) -> dict[str, Tensor]:
-        """Give the attributes, and of each motion parameter the row of a timestep, as leaves that gradients are wanted of."""
-        values, fixed = self._state.values, () if self._fine_tune else FITTED_MOTION
-        rows = {name: values[name][timestep] if name in FITTED_MOTION else values[name] for name in NAMES}
-        return {name: row.detach().requires_grad_(name not in fixed) for name, row in rows.items()}
+    def _leaves(self, timestep: int) -> list[Tensor]:
+        """Give the attributes and the motion's row of a timestep, as leaves that gradients are wanted of."""
+        attributes = [self._state.values[name].detach().requires_grad_() for name in ATTRIBUTES]
+        return [*attributes, self._state.motion[timestep].detach().requires_grad_(self._fine_tune)]
 
     def _place(self, *tensors: Tensor) -> tuple[Tensor, ...]:
         """From leaves and the cameras' centres to what is drawn, triangles' scale, and whether every triangle has an area."""
-        *values, centres = tensors
-        leaves = dict(zip(NAMES, values, strict=True))
-        world, scale, posed = self._scene.place(leaves, self._state.binding)
-        colours = self._scene.colours(leaves, world.means, centres, self._degree)
+        *attributes, row, centres = tensors
+        values = dict(zip(ATTRIBUTES, attributes, strict=True))
+        world, scale, posed = self._scene.place(values, row, self._state.binding)
+        colours = self._scene.colours(values, world.means, centres, self._degree)
         return world.means, world.scales, world.quaternions, world.opacities, colours, scale, posed
 
     def _lengths(
@@ -215,11 +219,9 @@ class CudaEngine:
         """Keep the gradients with those of the penalties, look for faults, and where there is none add to losses and statistics."""
         state, kept = self._state, self._state.gradients
         state.flat_gradient.zero_()
-        for name, gradient in zip(NAMES, gradients, strict=False):
-            if name in FITTED_MOTION:
-                kept[name].index_copy_(0, self._moment[1:], gradient[None])
-            else:
-                kept[name].copy_(gradient)
+        torch._foreach_copy_([kept[name] for name in ATTRIBUTES], gradients[: len(ATTRIBUTES)])
+        if self._fine_tune:
+            state.motion_gradient.index_copy_(0, self._moment[1:], gradients[-1][None])
         local = (state.values["position"], state.values["log_scale"])
         penalties = penalise(*local, visible, self._options, kept["position"], kept["log_scale"])
         total = parts[0] + penalties.sum()
@@ -230,14 +232,11 @@ class CudaEngine:
         state.count(lengths, visible.sum(0), sound)
         return (sound,)
 
-    def _step(self, still: frozenset[str]) -> Callable[[Tensor, Tensor], tuple[()]]:
-        """Give the stage that lets Adam step."""
-
-        def step(rates: Tensor, sound: Tensor) -> tuple[()]:
-            self._state.adam.step(self._state.flat_values, self._state.flat_gradient, rates, sound, still)
-            return ()
-
-        return step
+    def _step(self, moving: frozenset[str], rates: Float[Tensor, " k"], sound: Bool[Tensor, ""]) -> tuple[()]:
+        """Let Adam step with some attributes, and with the motion."""
+        state = self._state
+        state.adam.step(state.flat_values, state.flat_gradient, rates, sound, moving)
+        return ()
 
 
 def room_for_targets(device: torch.device) -> int:

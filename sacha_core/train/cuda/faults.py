@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from sacha_core.train.cuda.layout import NAMES, Layout
+from sacha_core.train.cuda.layout import Layout
 from sacha_core.train.faults import LARGEST_GRADIENT, Fault, Faults
 from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION
 
@@ -19,7 +17,7 @@ POSE = 0  # codes, the earlier cause below the later: the pose; colours by row; 
 
 
 class DeviceFaults:
-    """Counts faults and remembers the first, as a code and an iteration.
+    """Counts faults and remembers the first, as a code with its iteration and timestep.
 
     Args:
         layout: of the gradients.
@@ -27,13 +25,11 @@ class DeviceFaults:
     """
 
     def __init__(self, layout: Layout, device: torch.device) -> None:
-        self._n = layout.shapes[0][0]
+        self._n = layout.n_gaussians
         self._codes = self._code_gradients(layout, device)
         self._rows = torch.arange(1, self._n + 1, dtype=torch.int32, device=device)
-        self._count, self._first, self._iteration = (
-            torch.zeros((), dtype=torch.int64, device=device) for _ in range(3)
-        )
-        self._timestep = torch.zeros((), dtype=torch.int64, device=device)
+        self._count = torch.zeros(1, dtype=torch.int64, device=device)
+        self._first = torch.zeros(3, dtype=torch.int64, device=device)
 
     def note(
         self,
@@ -52,27 +48,25 @@ class DeviceFaults:
             gradient: in the layout.
             loss: of the iteration.
         """
-        dark = ~colours.isfinite().all(2).all(0)
-        steep = ~(gradient.abs() <= LARGEST_GRADIENT)  # true for what is not a number
-        causes = (
-            torch.where(posed, SOUND, POSE),
-            torch.where(dark, self._rows, SOUND).amin(),
-            torch.where(steep, self._codes, SOUND).amin(),
-            torch.where(loss.isfinite(), SOUND, self._loss_code),
-        )
-        code = torch.stack([cause.to(torch.int64) for cause in causes]).amin()
-        sound = code == SOUND
-        is_first = ~sound & (self._count == 0)
-        for kept, new in ((self._first, code), (self._iteration, moment[0]), (self._timestep, moment[1])):
-            kept.copy_(torch.where(is_first, new, kept))
-        self._count += ~sound
-        return sound
+        lit = colours.isfinite().all(2).all(0)
+        gentle = gradient.abs() <= LARGEST_GRADIENT  # false for what is not a number
+        code = torch.stack(
+            [
+                torch.where(posed, SOUND, POSE),
+                torch.where(lit, SOUND, self._rows).amin().long(),
+                torch.where(gentle, SOUND, self._codes).amin().long(),
+                torch.where(loss.isfinite(), SOUND, self._loss_code),
+            ]
+        ).amin()
+        fault = code != SOUND
+        is_first = fault & (self._count == 0)
+        self._first.copy_(torch.where(is_first, torch.cat([code[None], moment]), self._first))
+        self._count += fault
+        return ~fault
 
     def drain(self, before: Faults) -> Faults:
         """Give the faults with those that came since the last call; waits for the device."""
-        count, code, iteration, timestep = (
-            int(value) for value in torch.stack([self._count, self._first, self._iteration, self._timestep]).tolist()
-        )
+        count, code, iteration, timestep = torch.cat([self._count, self._first]).tolist()
         if count == 0:
             return before
         self._count.zero_()
@@ -85,27 +79,23 @@ class DeviceFaults:
     def _code_gradients(self, layout: Layout, device: torch.device) -> Int[Tensor, " p"]:
         """Give the code of a fault in each number of the layout."""
         codes = torch.full((layout.size,), SOUND, dtype=torch.int32, device=device)
-        views: Mapping[str, Tensor] = layout.views(codes)
-        attributes = len(ATTRIBUTES)
-        start = 1 + self._n
-        for place, name in enumerate(NAMES):
-            view = views[name]
-            if place < attributes:
-                rows = torch.arange(self._n, dtype=torch.int32, device=device) * attributes + (start + place)
-                view.copy_(rows.view(-1, *[1] * (view.dim() - 1)).expand_as(view))
-            else:
-                view.fill_(start + self._n * attributes + place - attributes)
+        views, start, count = layout.views(codes), 1 + self._n, len(ATTRIBUTES)
+        for place, name in enumerate(ATTRIBUTES):
+            rows = torch.arange(self._n, dtype=torch.int32, device=device) * count + (start + place)
+            views[name].copy_(rows.view(-1, *[1] * (views[name].dim() - 1)).expand_as(views[name]))
+        for place, name in enumerate(FITTED_MOTION):
+            views[name].fill_(start + self._n * count + place)
         return codes
 
     def _cause(self, code: int, timestep: int) -> tuple[str, int]:
         """Give the parameter and the row of a fault."""
-        attributes, gradients = len(ATTRIBUTES), code - 1 - self._n
+        count, place = len(ATTRIBUTES), code - 1 - self._n
         if code == POSE:
             return "pose", timestep
-        if gradients < 0:
+        if place < 0:
             return "colour", code - 1
-        if gradients < self._n * attributes:
-            return ATTRIBUTES[gradients % attributes], gradients // attributes
+        if place < self._n * count:
+            return ATTRIBUTES[place % count], place // count
         if code == self._loss_code:
             return "loss", timestep
-        return FITTED_MOTION[gradients - self._n * attributes], timestep
+        return FITTED_MOTION[place - self._n * count], timestep

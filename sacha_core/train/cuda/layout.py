@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import groupby
 
 import numpy as np
@@ -18,43 +19,58 @@ __all__ = ["GROUPS", "NAMES", "Layout"]
 
 GROUPS = {"gaussians": ATTRIBUTES, "motion": FITTED_MOTION}  # each has a step count of its own
 NAMES = (*ATTRIBUTES, *FITTED_MOTION)
-ALIGNED = 32  # numbers; each array begins at a multiple of so many, 128 bytes, and zeros fill the gaps
+ALIGNED = 32  # numbers; each block begins at a multiple of so many, 128 bytes, and zeros fill the gaps
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where each array lies in the flat buffer.
+    """Where each array lies: a block for each attribute, and last a table with a row of all motion parameters for each timestep.
 
     Args:
-        shapes: of the arrays, in the order of `NAMES`.
+        attributes: shape of each attribute, in the order of `ATTRIBUTES`.
+        timesteps: rows of the table.
+        widths: columns of each motion parameter, in the order of `FITTED_MOTION`.
     """
 
-    shapes: tuple[tuple[int, ...], ...]
+    attributes: tuple[tuple[int, ...], ...]
+    timesteps: int
+    widths: tuple[int, ...]
 
     @classmethod
     def of(cls, arrays: Mapping[str, np.ndarray]) -> Layout:
         """Give the layout of the arrays of `NAMES`."""
-        return cls(tuple(arrays[name].shape for name in NAMES))
+        motion = [arrays[name].shape for name in FITTED_MOTION]
+        return cls(tuple(arrays[name].shape for name in ATTRIBUTES), motion[0][0], tuple(width for _, width in motion))
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[int, ...]:
-        """Where each array begins, and where the last one ends."""
+        """Where each block begins, and where the last one ends."""
         bounds = [0]
-        for shape in self.shapes:
+        for shape in (*self.attributes, (self.timesteps, sum(self.widths))):
             bounds.append(bounds[-1] + -(-math.prod(shape) // ALIGNED) * ALIGNED)
         return tuple(bounds)
+
+    @property
+    def n_gaussians(self) -> int:
+        """Number of Gaussians."""
+        return self.attributes[0][0]
 
     @property
     def size(self) -> int:
         """Numbers in the buffer."""
         return self.bounds[-1]
 
+    def table(self, flat: Float[Tensor, " p"]) -> Float[Tensor, "t w"]:
+        """Give the motion parameters that lie in a buffer, side by side."""
+        start, width = self.bounds[len(ATTRIBUTES)], sum(self.widths)
+        return flat[start : start + self.timesteps * width].view(self.timesteps, width)
+
     def views(self, flat: Float[Tensor, " p"]) -> dict[str, Tensor]:
         """Give the arrays that lie in a buffer, by name."""
-        return {
-            name: flat[start : start + math.prod(shape)].view(shape)
-            for name, start, shape in zip(NAMES, self.bounds, self.shapes, strict=False)
-        }
+        blocks = zip(ATTRIBUTES, self.bounds, self.attributes, strict=False)
+        views = {name: flat[start : start + math.prod(shape)].view(shape) for name, start, shape in blocks}
+        columns = self.table(flat).split_with_sizes(self.widths, 1)
+        return views | dict(zip(FITTED_MOTION, columns, strict=True))
 
     def pack(self, arrays: Mapping[str, np.ndarray]) -> Float[np.ndarray, " p"]:
         """Give a buffer that holds copies of the arrays."""
@@ -70,14 +86,15 @@ class Layout:
 
     def owner(self, device: torch.device) -> Int[Tensor, " p"]:
         """Give for each number the place of its array in `NAMES`."""
-        lengths = torch.tensor(np.diff(self.bounds), device=device)
-        return torch.repeat_interleave(torch.arange(len(NAMES), device=device), lengths).int()
+        owner = torch.zeros(self.size, dtype=torch.int32, device=device)
+        for place, view in enumerate(self.views(owner).values()):
+            view.fill_(place)
+        return owner
 
-    def runs(self, still: frozenset[str]) -> Iterator[tuple[str, int, int]]:
-        """Give the stretches of the buffer without the arrays that stay as they are: group, begin and end of each."""
-        bounds = self.bounds
-        for group, names in GROUPS.items():
-            for moves, stretch in groupby(names, lambda name: name not in still):
-                if moves:
-                    places = [NAMES.index(name) for name in stretch]
-                    yield group, bounds[places[0]], bounds[places[-1] + 1]
+    def runs(self, moving: frozenset[str]) -> Iterator[tuple[int, int]]:
+        """Give the stretches of the buffer, begin and end, that some attributes and the table, where `motion` is among them, fill."""
+        blocks = groupby(enumerate((*ATTRIBUTES, "motion")), lambda block: block[1] in moving)
+        for moves, stretch in blocks:
+            places = [place for place, _ in stretch]
+            if moves:
+                yield self.bounds[places[0]], self.bounds[places[-1] + 1]

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import HeadMotion
-from sacha_core.train.cuda.binding import carry, triangle_frames
+from sacha_core.train.cuda.binding import Binder
 from sacha_core.train.cuda.drawing import World
 from sacha_core.train.cuda.harmonics import Harmonics
 from sacha_core.train.cuda.posing import DeviceHead
@@ -32,26 +32,25 @@ class Scene:
 
     def __init__(self, head: HeadModel, motion: HeadMotion, device: torch.device) -> None:
         self._head = DeviceHead(head, motion, device)
-        self._faces = torch.from_numpy(head.faces.astype("int32")).to(device)
+        self._binder = Binder(head.faces, device)
         self._harmonics = Harmonics(device)
 
     def place(
-        self, values: Mapping[str, Tensor], binding: Int[Tensor, " n"]
+        self, values: Mapping[str, Tensor], row: Float[Tensor, " w"], binding: Int[Tensor, " n"]
     ) -> tuple[World, Float[Tensor, " f"], Bool[Tensor, ""]]:
         """Put the Gaussians into the world.
 
         Args:
-            values: attributes of the Gaussians, and one row of each motion parameter, by name.
+            values: attributes of the Gaussians, by name.
+            row: motion parameters in the order of `FITTED_MOTION`.
             binding: (n,) triangle of each Gaussian.
 
         Returns:
             The Gaussians, metres a local unit of each triangle, and whether every triangle has an area.
         """
-        pose = torch.cat([values[name] for name in ("rotation", "neck", "jaw", "eyes")])
-        vertices = self._head.pose(values["expression"], pose, values["translation"])
-        frames = triangle_frames(vertices, self._faces)
-        carried = carry(values["position"], values["log_scale"], values["quaternion"], binding, frames)
-        world = World(*carried, values["opacity_logit"].sigmoid())
+        frames = self._binder.frames(self._head.pose(row))
+        local = (values["position"], values["log_scale"], values["quaternion"])
+        world = World(*self._binder.carry(*local, binding, frames), values["opacity_logit"].sigmoid())
         return world, frames.scale.detach(), frames.sound.all()
 
     def colours(

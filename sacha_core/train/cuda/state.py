@@ -10,7 +10,7 @@ from torch import Tensor
 from sacha_core.train.cuda.adam import DeviceAdam
 from sacha_core.train.cuda.faults import DeviceFaults
 from sacha_core.train.cuda.layout import Layout
-from sacha_core.train.state import FITTED_MOTION, TrainState
+from sacha_core.train.state import TrainState
 
 __all__ = ["DeviceState"]
 
@@ -25,7 +25,9 @@ class DeviceState:
     Attributes:
         layout: of all that is fitted.
         values: by name, parts of `flat_values`.
-        gradients: by name, parts of `flat_gradient`; of motion zero but for the rows of one timestep.
+        gradients: by name, parts of `flat_gradient`; of the motion zero but for the rows of one timestep.
+        motion: (t, w) all parameters of each timestep side by side, a part of `flat_values`.
+        motion_gradient: likewise.
         flat_values: in the layout.
         flat_gradient: in the layout.
         binding: (n,) triangle of each Gaussian.
@@ -39,6 +41,7 @@ class DeviceState:
         self.layout = Layout.of(state.values)
         self.flat_values, self.flat_gradient = (torch.zeros(self.layout.size, device=device) for _ in range(2))
         self.values, self.gradients = self.layout.views(self.flat_values), self.layout.views(self.flat_gradient)
+        self.motion, self.motion_gradient = self.layout.table(self.flat_values), self.layout.table(self.flat_gradient)
         n = len(state)
         self.binding: Int[Tensor, " n"] = torch.zeros(n, dtype=torch.int32, device=device)
         self.gradient_sum: Float[Tensor, " n"] = torch.zeros(n, device=device)
@@ -80,8 +83,7 @@ class DeviceState:
 
     def inherit(self, other: DeviceState) -> None:
         """Take over the gradients of the motion, which stay good when Gaussians come and go."""
-        for name in FITTED_MOTION:
-            self.gradients[name].copy_(other.gradients[name])
+        self.motion_gradient.copy_(other.motion_gradient)
 
     def count(self, lengths: Float[Tensor, " n"], seen: Int[Tensor, " n"], sound: Bool[Tensor, ""]) -> None:
         """Add to the statistics what a step without fault says.
