@@ -109,7 +109,7 @@ class Played:
 
 
 def differences(case: Case, data: bytes, head: HeadModel, run: int) -> Float[np.ndarray, " m"]:
-    """Give how far pictures of a case are from those of the plain way: all frames decoded, posed by NumPy, all drawn anew.
+    """Give how far pictures of a case are from those of the plain way: all frames decoded, posed by NumPy, nothing left out.
 
     The frames are played in order, so that what is used again from frame to frame has its effect; three of them are looked at.
 
@@ -137,6 +137,6 @@ def differences(case: Case, data: bytes, head: HeadModel, run: int) -> Float[np.
             picture = player.frame(frame, camera)
             if step in looked_at:
                 frames = triangle_frames(pose(frame), head.faces)
-                plain = render_avatar(avatar.gaussians, frames, camera, sh_degree=case.degree, rasteriser=rasteriser)
+                plain = render_avatar(avatar.gaussians, frames, camera, rasteriser=rasteriser)
                 found.append(np.abs(picture - plain.colour).ravel())
     return np.concatenate(found)

@@ -114,9 +114,11 @@ def test_a_budget_names_what_came_of_it() -> None:
 def test_playing_shows_what_the_plain_way_shows_and_keeping_colours_nearly() -> None:
     rows = {row["case"]: row for row in found("playback").rows if row["table"] == "playing"}
     for name, row in rows.items():
-        assert row["rare_error"] < (0.05 if "kept" in name else PIXEL), name
+        exact = "kept" not in name and "degree" not in name
+        assert row["rare_error"] < (PIXEL if exact else 0.2), name
     assert rows["nothing moves"]["frame_busy_ms"] < rows["usual"]["frame_busy_ms"] / 5
     assert rows["camera moves, colours kept within 2°"]["rare_error"] > 10 * rows["camera moves"]["rare_error"]
+    assert rows["SH degree 0"]["rare_error"] > 10 * rows["usual"]["rare_error"]
 
 
 def test_stages_of_playing_account_for_the_frame() -> None:
