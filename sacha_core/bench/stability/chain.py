@@ -1,14 +1,14 @@
-"""A scene small enough that every parameter can be moved by hand: Gaussians on a posed head, and one view of it."""
+"""A scene small enough that every parameter can be moved by hand: Gaussians on a posed head, and a view or two of it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
 
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
@@ -17,6 +17,7 @@ from sacha_core.bench.stability.exact_head import ExactHead
 from sacha_core.bench.stability.exact_step import (
     BACKGROUND,
     ExactLoss,
+    Seen,
     StepDecisions,
     exact_loss,
     step_leaves,
@@ -32,13 +33,17 @@ from sacha_core.train.options import LossOptions
 from sacha_core.train.state import TrainState, initial_state
 from sacha_core.train.views import Target
 
-__all__ = ["DEGREE", "Chain", "chain", "kernel_order"]
+__all__ = ["DEGREE", "Chain", "Setting", "as_seen", "chain"]
 
 DEGREE = 3
 N_GAUSSIANS, N_EXPRESSIONS, N_REGIONS = 24, 5, 8
 SIDE, FOCAL = 32, 60.0  # pixels
+BORDER = 24  # pixels of white around a cropped picture, more than its crop needs
+EYES_M = ((0.1, 0.05, 0.6), (-0.3, -0.1, 0.5))
 CLEAR = 1e-4  # relative distance from every threshold, at every pixel, so that float32 decides as float64 does
 SEEDS = 200
+
+Setting = Literal["one view", "cropped", "two views"]
 
 
 @dataclass(frozen=True)
@@ -49,70 +54,86 @@ class Chain:
         head: the head.
         motion: of one timestep.
         state: Gaussians and that motion, float32.
-        target: what the view is compared with.
+        views: of that timestep.
         weights: of the losses.
-        depths: (n,) float32, by which the kernel sorts the Gaussians.
-        visible: (n,) which of them touch a tile.
     """
 
     head: HeadModel
     motion: Motion
     state: TrainState
-    target: Target
+    views: tuple[Seen, ...]
     weights: LossOptions
-    depths: Float[np.ndarray, " n"]
-    visible: Bool[np.ndarray, " n"]
+
+    @property
+    def targets(self) -> list[Target]:
+        """What the views are compared with."""
+        return [view.target for view in self.views]
 
     @cached_property
     def exact_head(self) -> ExactHead:
         """The head in float64."""
         return ExactHead(self.head, self.motion)
 
-    def loss(self, leaves: Leaves, decisions: StepDecisions | None = None) -> ExactLoss:
-        """Give the loss at some parameters, as `step_leaves` gives them."""
-        scene = (self.exact_head, self.state.binding, self.target, DEGREE, self.weights)
-        return exact_loss(leaves, *scene, self.depths, self.visible, decisions)
+    def losses(self, leaves: Leaves, decisions: Sequence[StepDecisions] | None = None) -> list[ExactLoss]:
+        """Give the loss of each view at some parameters, as `step_leaves` gives them; that of a step is their mean."""
+        scene = (self.exact_head, self.state.binding)
+        kept: Sequence[StepDecisions | None] = decisions or [None] * len(self.views)
+        return [
+            exact_loss(leaves, *scene, view, DEGREE, self.weights, one)
+            for view, one in zip(self.views, kept, strict=True)
+        ]
 
 
 @lru_cache(maxsize=8)
-def chain(pose: float | None = None) -> Chain:
+def chain(pose: float | None = None, setting: Setting = "one view") -> Chain:
     """Make a scene in which float32 decides as float64 does, away from every threshold: the first of some random ones.
 
     Args:
         pose: every component of every rotation vector, radians; None for random ones.
+        setting: what is seen of it.
     """
     for seed in range(SEEDS):
-        made = _random_chain(np.random.default_rng([seed, 7]), pose)
+        made = _random_chain(np.random.default_rng([seed, 7]), pose, setting)
         with torch.no_grad():
-            band = made.loss(step_leaves(made.state, 0)).frame.band
-        if band.min() > CLEAR:
+            bands = [loss.frame.band.min() for loss in made.losses(step_leaves(made.state, 0))]
+        if min(bands) > CLEAR:
             return made
     raise SachaError(f"none of {SEEDS} scenes keeps clear of all thresholds")
 
 
-def kernel_order(world: Leaves, camera: Camera) -> tuple[Float[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """Give the kernel's own depths of Gaussians in the world, and which of them it finds in view."""
+def as_seen(world: Leaves, target: Target) -> Seen:
+    """Give a view with the kernel's own depths of Gaussians in the world, and which of them it finds there."""
     splats = Splats(**{name: leaf.detach().numpy().astype(np.float32) for name, leaf in world.items()})
-    frame = Rasteriser(1).forward(splats, camera, BACKGROUND)
-    return frame.bins.projection.depths[: len(splats)].copy(), frame.visible.copy()
+    frame = Rasteriser(1).forward(splats, target.camera, BACKGROUND)
+    return Seen(target, frame.bins.projection.depths[: len(splats)].copy(), frame.visible.copy())
 
 
-def _random_chain(rng: np.random.Generator, pose: float | None) -> Chain:
+def _random_chain(rng: np.random.Generator, pose: float | None, setting: Setting) -> Chain:
     head = synthetic_head("small")
     binding = np.sort(rng.choice(head.n_faces, N_GAUSSIANS, replace=False)).astype(np.int32)
     motion = _random_motion(rng, head, pose)
     state = initial_state(_random_gaussians(rng, binding), motion, N_REGIONS, 3e-4, 0.2)
-    camera = Camera.look_at(np.array([0.1, 0.05, 0.6]), np.array([0.0, -0.03, -0.04]), SIDE, SIDE, FOCAL)
-    target = Target(
-        0,
-        camera,
-        rng.integers(0, 256, (3, SIDE, SIDE), np.uint8),
-        rng.integers(0, 256, (SIDE, SIDE), np.uint8),
-        (0, 0, SIDE, SIDE),
+    exact_head, views = ExactHead(head, motion), []
+    for eye in EYES_M[: 2 if setting == "two views" else 1]:
+        target = _random_target(rng, eye, BORDER if setting == "cropped" else 0)
+        with torch.no_grad():
+            world, _ = world_leaves(step_leaves(state, 0), exact_head, binding, target.camera, DEGREE)
+        views.append(as_seen(world, target))
+    return Chain(head, motion, state, tuple(views), LossOptions())
+
+
+def _random_target(rng: np.random.Generator, eye: tuple[float, ...], border: int) -> Target:
+    """Give noise, with a border of white where nothing is sensitive."""
+    camera = Camera.look_at(np.array(eye), np.array([0.0, -0.03, -0.04]), SIDE, SIDE, FOCAL)
+    image, sensitivity = rng.integers(0, 256, (3, SIDE, SIDE), np.uint8), rng.integers(0, 256, (SIDE, SIDE), np.uint8)
+    side = SIDE + 2 * border
+    return Target(
+        timestep=0,
+        camera=replace(camera, width=side, height=side, cx=camera.cx + border, cy=camera.cy + border),
+        image=np.pad(image, ((0, 0), (border, border), (border, border)), constant_values=255),
+        sensitivity=np.pad(sensitivity, border),
+        box=(border, border, border + SIDE, border + SIDE),
     )
-    with torch.no_grad():
-        world, _ = world_leaves(step_leaves(state, 0), ExactHead(head, motion), binding, camera, DEGREE)
-    return Chain(head, motion, state, target, LossOptions(), *kernel_order(world, camera))
 
 
 def _random_motion(rng: np.random.Generator, head: HeadModel, pose: float | None) -> Motion:

@@ -21,7 +21,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from sacha_core.bench.stability.case import Case, Findings
-from sacha_core.bench.stability.chain import kernel_order
+from sacha_core.bench.stability.chain import as_seen
 from sacha_core.bench.stability.exact_head import ExactHead
 from sacha_core.bench.stability.exact_step import exact_loss, world_leaves
 from sacha_core.bench.stability.tiny import capture_of, ring, tiny_head
@@ -144,8 +144,8 @@ class ExactRun:
             leaf.requires_grad_()
         with torch.no_grad():
             world, _ = world_leaves(leaves, self._head, self._binding, target.camera, degree)
-        order = kernel_order(world, target.camera)
-        loss = exact_loss(leaves, self._head, self._binding, target, degree, options.losses, *order).parts["total"]
+        seen = as_seen(world, target)
+        loss = exact_loss(leaves, self._head, self._binding, seen, degree, options.losses).parts["total"]
         slopes = dict(zip(leaves, torch.autograd.grad(loss, list(leaves.values())), strict=True))
         rates = learning_rates(options.rates, schedule, iteration, self._extent)
         for name, value in self._values.items():

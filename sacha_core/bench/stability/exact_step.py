@@ -21,7 +21,7 @@ from sacha_core.train.options import LossOptions
 from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, TrainState
 from sacha_core.train.views import Target
 
-__all__ = ["ExactLoss", "StepDecisions", "exact_loss", "step_leaves", "world_leaves"]
+__all__ = ["ExactLoss", "Seen", "StepDecisions", "exact_loss", "step_leaves", "world_leaves"]
 
 BACKGROUND = np.array([1.0, 1.0, 1.0, 0.0])  # white, and not sensitive
 CLAMP = 1e-6  # of the sensitivity channel, before its logarithm
@@ -49,6 +49,21 @@ class StepDecisions:
     strayed: Bool[Tensor, " n"]
     swollen: Bool[Tensor, "n 3"]
     n_visible: int
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A view, and what the kernel finds in it that is part of the definition of its loss.
+
+    Args:
+        target: what its picture is compared with.
+        depths: (n,) float32, by which Gaussians are sorted.
+        visible: (n,) which touch a tile, whose penalties count.
+    """
+
+    target: Target
+    depths: Float[np.ndarray, " n"]
+    visible: Bool[np.ndarray, " n"]
 
 
 @dataclass(frozen=True)
@@ -119,12 +134,11 @@ def exact_loss(
     leaves: Leaves,
     head: ExactHead,
     binding: Int[np.ndarray, " n"],
-    target: Target,
+    view: Seen,
     degree: int,
     weights: LossOptions,
-    depths: Float[np.ndarray, " n"],
-    visible: Bool[np.ndarray, " n"],
     decisions: StepDecisions | None = None,
+    shift: Float[Tensor, "n 2"] | None = None,
 ) -> ExactLoss:
     """Give one view's loss.
 
@@ -132,18 +146,19 @@ def exact_loss(
         leaves: as `step_leaves` gives them.
         head: whose triangles carry the Gaussians.
         binding: (n,) triangle of each.
-        target: what the picture is compared with.
+        view: that is compared.
         degree: of the spherical harmonics in use.
         weights: of the losses.
-        depths: (n,) float32, by which the kernel sorts: part of the definition.
-        visible: (n,) which Gaussians touch a tile, whose penalties count: likewise.
         decisions: what to decide; None for what the definition says.
+        shift: (n, 2) pixels that projected means are moved by; None for nothing.
 
     Source: Qian et al., GaussianAvatars, CVPR 2024, section 3.4; Zhou et al., Perceptual-GS, 2025 (cross-entropy).
     """
-    kept = decisions
+    kept, target = decisions, view.target
     world, lit = world_leaves(leaves, head, binding, target.camera, degree, None if kept is None else kept.lit)
-    frame = draw(world, target.camera, BACKGROUND, depths, decisions=None if kept is None else kept.picture)
+    if shift is not None:
+        world["means_2d"] = shift
+    frame = draw(world, target.camera, BACKGROUND, view.depths, decisions=None if kept is None else kept.picture)
     wanted = torch.from_numpy(target.image.astype(np.float64) / 255)
     difference = frame.image[:3] - wanted
     brighter = torch.sign(difference.detach()) if kept is None else kept.brighter
@@ -152,7 +167,7 @@ def exact_loss(
     unclamped = sensitive.detach() == inside if kept is None else kept.unclamped
     predicted = torch.where(unclamped, sensitive, inside)
     reference = torch.from_numpy(target.sensitivity.astype(np.float64) / 255)
-    seen = torch.from_numpy(visible)
+    seen = torch.from_numpy(view.visible)
     distance = leaves["position"].norm(dim=1)
     spread = torch.exp(leaves["log_scale"])
     if kept is None:

@@ -144,7 +144,7 @@ def _engine() -> tuple[CpuEngine, Chain, dict[str, float]]:
 
 
 def _step(engine: CpuEngine, made: Chain, rates: dict[str, float], iteration: int) -> None:
-    engine.differentiate(iteration, [made.target], DEGREE)
+    engine.differentiate(iteration, made.targets, DEGREE)
     engine.advance(rates, frozenset())
 
 
