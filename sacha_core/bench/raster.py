@@ -246,5 +246,5 @@ def notes(rows: list[Row]) -> tuple[str, ...]:
         "Medians of interleaved rounds: wall time, and processor time of all threads for both passes together.",
         error,
         band,
-        "Gaussians keep their size as their number grows, so a million of them lie twenty deep.",
+        "Gaussians keep their size as their number grows, so they overlap more and more.",
     )

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from sacha_core.bench.result import Row, Table
+from sacha_core.bench.result import Column, Row, Table
 
-__all__ = ["cell", "cells", "markdown"]
+__all__ = ["cell", "cells", "heading", "markdown"]
 
 DIGITS = 3
 SMALLEST_PLAIN = 1e-3  # below, powers of ten read better than zeros
@@ -38,21 +38,39 @@ def number(value: float, decimals: int | None) -> str:
 
 
 def cells(table: Table, rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
-    """Give the titles and the cells of a table, leaving out columns in which every cell is empty."""
-    filled = [[cell(row.get(column.key), column.decimals) for column in table.columns] for row in rows]
-    kept = [i for i in range(len(table.columns)) if any(line[i] for line in filled)]
-    return [table.columns[i].title for i in kept], [[line[i] for i in kept] for line in filled]
+    """Give the titles and the cells of a table, leaving out empty columns and those that the heading tells (see `heading`)."""
+    told = {column.key for column, _ in _shared(table, rows)}
+    columns = [column for column in table.columns if column.key not in told]
+    filled = [[cell(row.get(column.key), column.decimals) for column in columns] for row in rows]
+    kept = [i for i in range(len(columns)) if any(line[i] for line in filled)]
+    return [columns[i].title for i in kept], [[line[i] for i in kept] for line in filled]
+
+
+def heading(table: Table, rows: Sequence[Row]) -> str:
+    """Give the caption, and what all rows have in common."""
+    shared = ", ".join(f"{column.title} {text}" for column, text in _shared(table, rows))
+    return f"{table.caption} In all rows: {shared}." if shared else table.caption
 
 
 def markdown(table: Table, rows: Sequence[Row]) -> str:
-    """Set a table in Markdown: its caption, and figures to the right."""
+    """Set a table in Markdown: its heading, and figures to the right."""
     titles, lines = cells(table, rows)
     right = [all(_is_figure(line[i]) for line in lines) for i in range(len(titles))]
     rule = ["---:" if figures else "---" for figures in right]
     body = "\n".join(
         "| " + " | ".join(text.replace("|", "\\|") for text in line) + " |" for line in (titles, rule, *lines)
     )
-    return f"{table.caption}\n\n{body}\n"
+    return f"{heading(table, rows)}\n\n{body}\n"
+
+
+def _shared(table: Table, rows: Sequence[Row]) -> list[tuple[Column, str]]:
+    """Give the columns of the identity that say the same in each of several rows, and what they say."""
+    found = []
+    for column in table.columns:
+        texts = {cell(row.get(column.key), column.decimals) for row in rows}
+        if len(rows) > 1 and column.key in table.identity and len(texts) == 1 and texts != {""}:
+            found.append((column, texts.pop()))
+    return found
 
 
 def _is_figure(text: str) -> bool:

@@ -176,11 +176,11 @@ def tell(record: Record, console: Console) -> None:
 
 def tell_tables(bench: Bench, console: Console) -> None:
     """Say tables that have rows, and notes."""
-    from sacha_core.bench.table import cells
+    from sacha_core.bench.table import cells, heading
 
     for one in bench.tables:
         if rows := bench.of(one):
-            console.say(f"{one.caption}\n")
+            console.say(f"{heading(one, rows)}\n")
             console.say(table(*cells(one, rows)) + "\n")
     for note in bench.notes:
         console.say(f"- {note}")

@@ -8,7 +8,7 @@ import pytest
 
 from sacha_core.bench.result import Bench, Column, Panel, Table
 from sacha_core.bench.store import Record, plain
-from sacha_core.bench.table import cell, cells, markdown
+from sacha_core.bench.table import cell, cells, heading, markdown
 
 TABLE = Table(
     "t",
@@ -39,6 +39,16 @@ def test_columns_without_a_figure_are_left_out() -> None:
     titles, lines = cells(TABLE, ROWS[1:])
     assert titles == ["who", "many", "a, ms"]
     assert lines == [["three", "7", "1,234"]]
+
+
+def test_what_identifies_all_rows_alike_is_told_once() -> None:
+    table = Table(
+        "t", "A caption.", (Column("n", "Gaussians"), Column("threads", "threads"), Column("x", "x")), ("n", "threads")
+    )
+    rows = [{"n": 1000, "threads": 1, "x": 5}, {"n": 1000, "threads": 2, "x": 5}]
+    assert heading(table, rows) == "A caption. In all rows: Gaussians 1,000."
+    assert cells(table, rows) == (["threads", "x"], [["1", "5"], ["2", "5"]])  # a result is shown, be it the same
+    assert heading(table, rows[:1]) == "A caption."
 
 
 def test_markdown_sets_figures_to_the_right_and_escapes_bars() -> None:
