@@ -44,7 +44,7 @@ BENCHES = {
     "playback": Place("playback", "Opening and playing a .sacha file."),
     "codec": Place("codec", "Levels of compression: time, bytes, PSNR."),
     "train": Place("train", "Training: budget against quality, and what an iteration costs."),
-    "stability": Place("stability", "Hard cases, each with what must happen.", drawn=False),
+    "stability": Place("stability", "Hard cases, each with what must happen."),
     "skips": Place("skips", "What is skipped, what that saves, and its proof.", drawn=False),
     "cuda": Place("cuda", "The CUDA engine against the CPU's; needs a device."),
 }
