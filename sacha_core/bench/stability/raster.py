@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -37,6 +38,19 @@ PLACES = np.array([0, 3, 15, 16, 40])  # first and last of a block of sixteen, a
 
 POISONS = {"NaN": F(np.nan), "+inf": F(np.inf), "-inf": F(-np.inf), "largest": LARGEST}
 GEOMETRY = ("means", "scales", "quaternions", "opacities")
+CAMERAS = {
+    "one pixel": ("an image of 1 x 1", slanted_camera(1, 1, 2.0)),
+    "one row": ("an image of 5000 x 1", slanted_camera(5000, 1, 8000.0)),
+    "one column": ("an image of 1 x 5000", slanted_camera(1, 5000, 8000.0)),
+    "a long lens": ("a focal length of a million pixels", slanted_camera(focal=1e6)),
+    "a short lens": ("a focal length of a hundredth of a pixel", slanted_camera(focal=0.01)),
+    "principal point far outside": ("100,000 pixels beside the image", replace(slanted_camera(), cx=1e5)),
+    "a mirror": (
+        "an image that is turned over: x goes left",
+        replace(slanted_camera(), rotation=-slanted_camera().rotation),
+    ),
+}
+
 VANISHES = "vanish: no gradient of its own, and picture and gradients of the others as without it, to the bit"
 DRAWN = "draw as the exact compositor does, with its gradients; finite"
 REFUSED = "be refused by name"
@@ -60,6 +74,8 @@ def cases(full: bool = False) -> Iterator[Case]:  # noqa: ARG001 (there is nothi
     yield from _opacities()
     yield from _sizes()
     yield from _places()
+    for name, (given, camera) in CAMERAS.items():
+        yield Case(name, given, DRAWN, partial(_by_camera, camera))
 
 
 def _opacities() -> Iterator[Case]:
@@ -237,6 +253,11 @@ def _equal_depths(findings: Findings) -> None:
     splats.colours[:] = rng.uniform(0, 1, (200, 4))
     watch(findings, splats, camera)
     hold_to_exact(findings, splats, camera)
+
+
+def _by_camera(camera: Camera, findings: Findings) -> None:
+    watch(findings, good_splats(), camera)
+    hold_to_exact(findings, good_splats(), camera)
 
 
 def _nothing(findings: Findings) -> None:
