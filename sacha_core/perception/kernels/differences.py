@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from sacha_core.perception.kernels.window import RADIUS, inlined
-from sacha_core.raster.kernels.lanes import LANES, every, load, load_first
+from sacha_core.perception.kernels.window import RADIUS
+from sacha_core.raster.kernels.lanes import LANES, every, inlined, load, load_first
 
 GROUP = 4  # rows that go together
 REACH = 2  # groups beside a row's own that its windows can touch

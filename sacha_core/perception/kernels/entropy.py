@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sacha_core.perception.kernels.window import inlined
 from sacha_core.raster.kernels.lanes import (
     LANES,
     every,
     exponent,
     fma,
+    inlined,
     load,
     load_first,
     mantissa,

@@ -21,11 +21,12 @@ import numpy as np
 from numba import njit
 
 from sacha_core.perception.kernels.differences import GROUP, REACH, around, mark, pixels
-from sacha_core.perception.kernels.window import RADIUS, blur_across, blur_along, blur_moments, inlined
+from sacha_core.perception.kernels.window import RADIUS, blur_across, blur_along, blur_moments
 from sacha_core.raster.kernels.lanes import (
     LANES,
     absolute,
     fma,
+    inlined,
     number,
     ramp,
     select,

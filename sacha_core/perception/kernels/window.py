@@ -8,17 +8,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from sacha_core.raster.kernels.lanes import WITHIN, fma, load, splat
+from sacha_core.raster.kernels.lanes import fma, inlined, load, splat
 
 RADIUS = 5
 _taps = np.exp(-(np.arange(-RADIUS, RADIUS + 1) ** 2) / (2 * 1.5**2))
 _taps /= math.fsum(_taps)
 W0, W1, W2, W3, W4, W5 = (np.float32(tap) for tap in _taps[: RADIUS + 1])
-
-# A function that LLVM does not inline by itself would count references to its arrays at every call.
-inlined = njit(**WITHIN, forceinline=True)
 
 
 @inlined
