@@ -12,8 +12,9 @@ from sacha_core.errors import SachaError
 from sacha_core.raster.buffers import Buffers
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.kernels.batch import LOOK_AHEAD
+from sacha_core.raster.kernels.deal import count_up, deal
 from sacha_core.raster.kernels.depth_order import BUCKETS, INFINITE, PASSES, sort_by_depth
-from sacha_core.raster.kernels.emit import EMIT_SCRATCH, count_up, deal, emit
+from sacha_core.raster.kernels.emit import EMIT_SCRATCH
 from sacha_core.raster.kernels.lanes import LANES
 from sacha_core.raster.kernels.layout import GAUSSIAN_MASK, R_COLUMNS, R_ROWS, RECORD
 from sacha_core.raster.kernels.project import project
@@ -41,6 +42,9 @@ class Projection:
         chunks: bounds of the ranges of Gaussians that jobs take.
         records: (n, 16), flat.
         depths: metres along the camera's axis, filled up to whole blocks; infinite for what is not seen.
+        keys: of all Gaussians, see `layout`, with unused room between them.
+        span: (n, 2), flat: position of each Gaussian's first key and the number of its keys, one for each tile that it touches.
+        histograms: (jobs, tiles) number of keys of each tile.
     """
 
     view: Float[np.ndarray, " p"]
@@ -48,6 +52,9 @@ class Projection:
     chunks: list[int]
     records: Float[np.ndarray, " a"]
     depths: Float[np.ndarray, " m"]
+    keys: Int[np.ndarray, " k"]
+    span: Int[np.ndarray, " s"]
+    histograms: Int[np.ndarray, "j t"]
 
 
 @dataclass(frozen=True)
@@ -56,7 +63,7 @@ class Bins:
 
     Args:
         projection: of the splats.
-        span: (n, 2) position of each Gaussian's first key and the number of its keys, one for each tile that it touches.
+        span: (n, 2) the projection's.
         capacity: positions are below this.
         start: (tiles + 1,) first entry of each tile.
         entries: key position << 36 | Gaussian << 10 | first row << 5 | last row.
@@ -109,27 +116,12 @@ class Binner:
         histogram = space("histogram", PASSES * BUCKETS, np.int64)
         with timed(self._watch, "sort"):
             n_seen = sort_by_depth(projection.depths.view(np.uint32), n, order, swap, histogram)
-        columns, rows = tile_grid(camera)
-        tiles = columns * rows
-        chunks = even_ranges(n_seen, JOBS_PER_THREAD * self._pool.threads)
-        cursors = space("cursors", (len(chunks) - 1) * tiles, np.int32).reshape(-1, tiles)
-        span = space("span", 2 * n, np.int32)
-        span[:] = 0
-        with timed(self._watch, "emit"):
-            keys, room, used = self._emit(projection, order, chunks, columns, cursors, span)
-        start = space("start", tiles + 1, np.int64)
-        count_up(cursors, start)
-        entries = space("entries", sum(used) + LOOK_AHEAD, np.int64)
-
-        def job(_: int, k: int) -> None:
-            deal(keys[k * room :], used[k], k * room, cursors[k], entries)
-
         with timed(self._watch, "deal"):
-            self._pool.run(job, len(used))
+            start, entries = self._deal(projection, order[:n_seen])
         x_lanes, y_lanes = lane_coordinates(camera)
         return Bins(
-            projection, span.reshape(n, 2), len(keys), start, entries, self._tile_ranges(start), space("done", tiles, np.int64),
-            x_lanes, y_lanes, self.serial,
+            projection, projection.span[: 2 * n].reshape(n, 2), len(projection.keys), start, entries, self._tile_ranges(start),
+            space("done", len(start) - 1, np.int64), x_lanes, y_lanes, self.serial,
         )  # fmt: skip
 
     def touched(self, splats: Splats, camera: Camera) -> tuple[int, int, int, int]:
@@ -145,7 +137,7 @@ class Binner:
         return left, top, right, bottom
 
     def _project(self, splats: Splats, camera: Camera) -> Projection:
-        """Project into records."""
+        """Project into records, and emit keys, with more room until they fit."""
         self.serial += 1
         n, view = len(splats), view_parameters(camera, self._near)
         if n > GAUSSIAN_MASK:
@@ -153,48 +145,54 @@ class Binner:
         arrays = (splats.means, splats.scales, splats.quaternions, splats.opacities, splats.colours)
         inputs = (*(a.ravel() for a in arrays), *(last_block(a) for a in arrays))
         blocks = -(-n // LANES)
+        chunks = [LANES * b for b in even_ranges(blocks, JOBS_PER_THREAD * self._pool.threads)]
+        jobs, largest = len(chunks) - 1, max((b - a for a, b in pairwise(chunks)), default=0)
+        columns, rows = tile_grid(camera)
         records = self._space("records", blocks * LANES * RECORD, np.float32)
         depths = self._space("depths", blocks * LANES, np.float32)
-        chunks = [LANES * b for b in even_ranges(blocks, JOBS_PER_THREAD * self._pool.threads)]
-
-        def job(_: int, k: int) -> None:
-            project(*inputs, n, splats.channels, view, chunks[k], chunks[k + 1], records, depths)
-
-        with timed(self._watch, "project"):
-            self._pool.run(job, len(chunks) - 1)
-        return Projection(view, inputs, chunks, records, depths)
-
-    def _emit(
-        self,
-        projection: Projection,
-        order: Int[np.ndarray, " n"],
-        chunks: list[int],
-        columns: int,
-        histograms: Int[np.ndarray, "j t"],
-        span: Int[np.ndarray, " s"],
-    ) -> tuple[Int[np.ndarray, " k"], int, list[int]]:
-        """Emit keys, with more room until they fit: keys in one slice for each job, the slices' length, and how much of each is used."""
-        records, threads = projection.records, self._pool.threads
-        words = records.view(np.int32)
-        scratch = self._space("emit", threads * EMIT_SCRATCH, np.float32).reshape(threads, EMIT_SCRATCH)
-        jobs, largest = len(chunks) - 1, max((b - a for a, b in pairwise(chunks)), default=0)
+        span = self._space("span", blocks * LANES * 2, np.int32)
+        histograms = self._space("histograms", jobs * columns * rows, np.int32).reshape(jobs, columns * rows)
+        scratch = self._space("emit", self._pool.threads * EMIT_SCRATCH, np.int32).reshape(-1, EMIT_SCRATCH)
         while True:
             room = max(self._keys_per_gaussian * largest, MIN_ROOM)
-            keys, used = self._space("keys", jobs * room, np.int64), [0] * jobs
+            keys, used = self._space("keys", jobs * room, np.int32), [0] * jobs
 
             def job(worker: int, k: int, keys: np.ndarray = keys, room: int = room, used: list[int] = used) -> None:
-                used[k] = emit(
-                    order, chunks[k], chunks[k + 1], records, words, projection.view, columns, k * room,
-                    keys[k * room : (k + 1) * room], histograms[k], span, scratch[worker],
+                used[k] = project(
+                    *inputs, n, splats.channels, view, columns, chunks[k], chunks[k + 1], records, depths,
+                    k * room, keys[k * room : (k + 1) * room], span, histograms[k], scratch[worker],
                 )  # fmt: skip
 
-            self._pool.run(job, jobs)
+            with timed(self._watch, "project"):
+                self._pool.run(job, jobs)
             if min(used, default=0) >= 0:
-                return keys, room, used
+                return Projection(view, inputs, chunks, records, depths, keys, span, histograms)
             self._keys_per_gaussian = -(-2 * room // largest)
             if 2 * jobs * room > MAX_KEYS:
                 self._keys_per_gaussian = KEYS_PER_GAUSSIAN
                 raise SachaError(f"the splats touch more than {MAX_KEYS} tiles together; are their scales in metres?")
+
+    def _deal(
+        self, projection: Projection, order: Int[np.ndarray, " s"]
+    ) -> tuple[Int[np.ndarray, " t"], Int[np.ndarray, " e"]]:
+        """Deal the keys of Gaussians in this order out to the tiles: where each tile's entries start, and all entries."""
+        tiles, threads = projection.histograms.shape[1], self._pool.threads
+        start, cursors = (
+            self._space("start", tiles + 1, np.int64),
+            self._space("cursors", 2 * tiles, np.int64).reshape(2, tiles),
+        )
+        total = count_up(projection.histograms, start, *cursors)
+        entries = self._space("entries", total + LOOK_AHEAD, np.int64)
+        middle = len(order) if threads == 1 else len(order) // 2
+        sides = ((0, middle, 1), (len(order) - 1, middle - 1, -1))
+        bands = [0, *np.searchsorted(start, even_ranges(total, max(threads // 2, 1))[1:-1]).tolist(), tiles]
+
+        def job(_: int, k: int) -> None:
+            side, band = k % 2, k // 2
+            deal(order, *sides[side], projection.span, projection.keys, *bands[band : band + 2], cursors[side], entries)
+
+        self._pool.run(job, 2 * (len(bands) - 1))
+        return start, entries
 
     def _tile_ranges(self, start: Int[np.ndarray, " t"]) -> list[int]:
         """Give bounds of ranges of tiles with about equal numbers of entries."""

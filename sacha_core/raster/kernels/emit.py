@@ -1,155 +1,106 @@
-"""Third stage: emit one key for every tile that a Gaussian touches, front to back, and deal the keys out to the tiles."""
+"""First stage, second part: emit one key for every tile that a Gaussian touches."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from sacha_core.raster.kernels.lanes import (
     LANES,
+    bits,
     ceiling,
     floor,
-    load_spread,
+    inlined,
+    lowest_bit,
     maximum,
     minimum,
-    prefetch,
-    ramp,
+    moved_up,
+    select,
+    some,
     splat,
     square_root,
-    store,
-    within,
+    store_key,
+    store_whole,
     zeros,
 )
-from sacha_core.raster.kernels.layout import (
-    GAUSSIAN_SHIFT,
-    LOW_MASK,
-    POWER_SCALE,
-    R_APEX,
-    R_COLUMNS,
-    R_INVERSE,
-    R_OPACITY,
-    R_ROWS,
-    R_SHEAR,
-    R_SPREAD,
-    R_X,
-    R_Y,
-    RECORD,
-    ROW_BITS,
-    TILE_HEIGHT,
-    TILE_WIDTH,
-    TOP_SHIFT,
-    V_CX,
-    V_CY,
-)
-from sacha_core.raster.kernels.project import BOX_MARGIN, LOG2_255, TWICE_LN2
+from sacha_core.raster.kernels.layout import BOX_MARGIN, KEY_BITS, TILE_HEIGHT, TILE_WIDTH
 
 F = np.float32
-AHEAD = 8  # Gaussians that a record is asked for in advance
-EMIT_SCRATCH = 2 * LANES
+BEGIN, UNTIL, PLACE, KEY = 0, LANES, 2 * LANES, 3 * LANES  # parts of the scratch, which holds integers
+EMIT_SCRATCH = 4 * LANES
 
 
-@within
-def outline(column, records, at, view, scratch):
-    """Write how far up and down a splat reaches in each of sixteen columns of tiles: first and last row of pixels, real numbers.
+@inlined
+def rows_of_column(left, box, outline):
+    """Give the first and last row of pixels that splats reach in a column of tiles; `left`: x of its first pixel, from each mean.
 
     At dx from the mean the ellipse of alpha = 1/255 reaches shear dx +- sqrt(spread (limit - dx^2 / xx)), where shear = xy / xx and
     spread = det / xx. It is lowest in the image at dx = apex and highest at -apex, or where a column comes nearest to that.
     """
-    limit = (load_spread(records, at + R_OPACITY) * F(POWER_SCALE) + LOG2_255) * TWICE_LN2
-    shear, spread = load_spread(records, at + R_SHEAR), load_spread(records, at + R_SPREAD)
-    inverse, apex = load_spread(records, at + R_INVERSE), load_spread(records, at + R_APEX)
-    left = ramp() * F(TILE_WIDTH) + (F(column * TILE_WIDTH) + F(0.5) - (records[at + R_X] + view[V_CX]))
+    _, middle, limit, shear, spread, inverse_xx, apex = outline
     right = left + F(TILE_WIDTH - 1)
     down, up = minimum(maximum(apex, left), right), minimum(maximum(-apex, left), right)
-    fall = shear * down + square_root(maximum((limit - down * down * inverse) * spread, zeros()))
-    rise = shear * up - square_root(maximum((limit - up * up * inverse) * spread, zeros()))
-    middle = splat(records[at + R_Y] + view[V_CY] - F(0.5))
-    store(scratch, 0, ceiling(middle + rise - BOX_MARGIN))
-    store(scratch, LANES, floor(middle + fall + BOX_MARGIN))
+    fall = shear * down + square_root(maximum((limit - down * down * inverse_xx) * spread, zeros()))
+    rise = shear * up - square_root(maximum((limit - up * up * inverse_xx) * spread, zeros()))
+    first, last = ceiling(middle + rise - BOX_MARGIN), floor(middle + fall + BOX_MARGIN)
+    return maximum(first, box[2]), minimum(last, box[3])
 
 
-@within
-def emit_column(g, column, columns, top, bottom, keys, position, histogram):
-    """Write the keys of one column of tiles for the rows `top` to `bottom` of pixels; give the next free position."""
-    first, last = top // TILE_HEIGHT, bottom // TILE_HEIGHT
-    for row in range(first, last + 1):
-        begin = top - row * TILE_HEIGHT if row == first else 0
-        end = bottom - row * TILE_HEIGHT if row == last else TILE_HEIGHT - 1
-        tile = row * columns + column
-        keys[position] = tile << TOP_SHIFT | g << GAUSSIAN_SHIFT | begin << ROW_BITS | end
-        histogram[tile] += 1
-        position += 1
-    return position
-
-
-@njit(cache=True, nogil=True)
-def emit(order, start, stop, records, words, view, columns, base, keys, histogram, span, scratch):
-    """Emit the keys of the Gaussians order[start:stop] into a slice of keys that begins at `base`.
+@inlined
+def emit_block(keep, box, outline, columns, at, base, used, keys, span, histogram, scratch):
+    """Emit the keys of sixteen Gaussians, all at a time: column after column of their boxes, and row after row of tiles.
 
     Args:
-        order: Gaussians by depth.
-        start: range of them.
-        stop: its end.
-        records: (n, 16), flat.
-        words: the same memory as integers.
-        view: camera parameters.
+        keep: which of them are seen.
+        box: first and last column and row of pixels of each.
+        outline: see `rows_of_column`; first the mean's place in the image.
         columns: of tiles.
+        at: first of the Gaussians.
         base: position of keys[0] among all keys.
-        keys: result.
-        histogram: (tiles,) result: number of keys of each tile in this slice.
-        span: (n, 2) result, flat: position of the first key and number of keys.
-        scratch: (EMIT_SCRATCH,) space.
+        used: how many of `keys` are used already.
+        keys: result; the keys of a Gaussian lie together, with room after them for as many tiles as its box touches.
+        span: result, see `project`.
+        histogram: number of keys of each tile, counted up.
+        scratch: space.
 
     Returns:
-        The number of keys, or -1 where there is no room.
+        How many of `keys` are used now, or -1 where there is no room.
     """
-    for tile in range(len(histogram)):
-        histogram[tile] = 0
-    position = 0
-    for k in range(start, stop):
-        if k + AHEAD < stop:
-            prefetch(records, order[k + AHEAD] * RECORD)
-        g = np.int64(order[k])
-        at = g * RECORD
-        left, right = (words[at + R_COLUMNS] & 0xFFFF) // TILE_WIDTH, (words[at + R_COLUMNS] >> 16) // TILE_WIDTH
-        top, bottom = words[at + R_ROWS] & 0xFFFF, words[at + R_ROWS] >> 16
-        if position + (right - left + 1) * (bottom // TILE_HEIGHT - top // TILE_HEIGHT + 1) > len(keys):
-            return -1
-        before = position
-        if left == right:
-            position = emit_column(g, left, columns, top, bottom, keys, position, histogram)
-        else:
-            for column in range(left, right + 1):
-                lane = (column - left) % LANES
-                if lane == 0:
-                    outline(column, records, at, view, scratch)
-                first, last = max(int(scratch[lane]), top), min(int(scratch[LANES + lane]), bottom)
-                if first <= last:
-                    position = emit_column(g, column, columns, first, last, keys, position, histogram)
-        span[2 * g] = base + before
-        span[2 * g + 1] = position - before
-    return position
-
-
-@njit(cache=True, nogil=True)
-def count_up(histograms, start):
-    """Turn the jobs' histograms (jobs, tiles) into where each job's first entry of a tile goes; `start` gets each tile's first."""
-    total = 0
-    jobs, tiles = histograms.shape
-    for tile in range(tiles):
-        start[tile] = total
-        for job in range(jobs):
-            here = histograms[job, tile]
-            histograms[job, tile] = total
-            total += here
-    start[tiles] = total
-
-
-@njit(cache=True, nogil=True)
-def deal(keys, used, base, cursor, entries):
-    """Deal the first `used` keys of a slice that begins at `base` out to their tiles."""
-    for i in range(used):
-        key = keys[i]
-        tile = key >> TOP_SHIFT
-        entries[cursor[tile]] = np.int64(base + i) << TOP_SHIFT | (key & LOW_MASK)
-        cursor[tile] += 1
+    column, column_end = floor(box[0] * F(1 / TILE_WIDTH)), floor(box[1] * F(1 / TILE_WIDTH))
+    tall = floor(box[3] * F(1 / TILE_HEIGHT)) - floor(box[2] * F(1 / TILE_HEIGHT)) + F(1)
+    room = select(keep, (column_end - column + F(1)) * tall, zeros())
+    until = room + moved_up(room, 1)  # sums up to each lane
+    until = until + moved_up(until, 2)
+    until = until + moved_up(until, 4)
+    until = until + moved_up(until, 8)
+    place = until - room
+    store_whole(scratch, BEGIN, place)
+    store_whole(scratch, UNTIL, until)
+    total = np.int64(scratch[UNTIL + LANES - 1])
+    if used + total > len(keys):
+        return np.int64(-1)
+    going = keep
+    while some(going):
+        first, last = rows_of_column(column * F(TILE_WIDTH) + (F(0.5) - outline[0]), box, outline)
+        line, line_end = floor(first * F(1 / TILE_HEIGHT)), floor(last * F(1 / TILE_HEIGHT))
+        writing = going & (first <= last)
+        while some(writing):
+            top = line * F(TILE_HEIGHT)
+            begin, end = maximum(first - top, zeros()), minimum(last - top, splat(F(TILE_HEIGHT - 1)))
+            store_key(scratch, KEY, line * F(columns) + column, begin, end)
+            store_whole(scratch, PLACE, place)
+            word = bits(writing)
+            while word != 0:
+                lane = lowest_bit(word)
+                word &= word - 1
+                keys[used + scratch[PLACE + lane]] = scratch[KEY + lane]
+                histogram[scratch[KEY + lane] >> KEY_BITS] += 1
+            place = select(writing, place + F(1), place)
+            line = line + F(1)
+            writing = writing & (line <= line_end)
+        column = column + F(1)
+        going = going & (column <= column_end)
+    store_whole(scratch, PLACE, place)
+    for lane in range(LANES):
+        span[2 * (at + lane)] = base + used + scratch[BEGIN + lane]
+        span[2 * (at + lane) + 1] = scratch[PLACE + lane] - scratch[BEGIN + lane]
+    return used + total

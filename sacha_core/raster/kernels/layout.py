@@ -19,6 +19,7 @@ ALPHA_MIN = np.float32(1 / 255)
 ALPHA_MAX = np.float32(0.99)
 TRANSMITTANCE_MIN = np.float32(1e-4)
 
+BOX_MARGIN = np.float32(2e-3)  # pixels; more than the rounding of a box's edge in an image of 16384 pixels
 # a splat wider than this cannot belong to what is drawn; it also catches what is infinite
 RADIUS_MAX = np.float32(16384)
 
@@ -33,7 +34,6 @@ R_A, R_B, R_C = 2, 3, 4  # log2(alpha) / 8 = A dx^2 + B dx dy + C dy^2 + OPACITY
 R_OPACITY = 5
 R_COLOUR = 6  # to 9
 R_COLUMNS, R_ROWS = 10, 11  # first and last pixel of the box, as integers: first | last << 16
-R_SHEAR, R_SPREAD, R_INVERSE, R_APEX = 12, 13, 14, 15  # of the outline, see `emit`
 
 # gradient sums of one entry (a Gaussian in a tile): 16 float32
 E_S, E_X, E_Y, E_XX, E_XY, E_YY = (
@@ -56,13 +56,12 @@ V_CX, V_CY = 19, 20
 V_WIDTH, V_HEIGHT = 21, 22
 VIEW = 23
 
-# A key, emitted by a Gaussian for a tile, and an entry, of a tile's list, are 64-bit integers that end in
-# Gaussian << 10 | first row << 5 | last row.
-# A key begins with the tile, an entry with the position of its key, where its gradients go.
+# A key, emitted by a Gaussian for a tile, is a 32-bit integer: tile << 10 | first row << 5 | last row.
+# An entry of a tile's list is a 64-bit integer: position of its key, where its gradients go << 36 | Gaussian << 10 | the same rows.
 ROW_BITS = 5
-GAUSSIAN_SHIFT = 2 * ROW_BITS
+KEY_BITS = 2 * ROW_BITS
+GAUSSIAN_SHIFT = KEY_BITS
 GAUSSIAN_BITS = 26
 TOP_SHIFT = GAUSSIAN_SHIFT + GAUSSIAN_BITS
 ROW_MASK = (1 << ROW_BITS) - 1
 GAUSSIAN_MASK = (1 << GAUSSIAN_BITS) - 1
-LOW_MASK = (1 << TOP_SHIFT) - 1

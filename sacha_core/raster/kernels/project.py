@@ -1,10 +1,11 @@
-"""First stage: project Gaussians into records of one cache line."""
+"""First stage: project Gaussians into records of one cache line, and emit their keys."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
+from sacha_core.raster.kernels.emit import emit_block
 from sacha_core.raster.kernels.geometry import (
     LOG2_E,
     camera_rows,
@@ -20,6 +21,7 @@ from sacha_core.raster.kernels.lanes import (
     LANES,
     ceiling,
     floor,
+    inlined,
     load,
     load_spread,
     load_strided,
@@ -36,6 +38,7 @@ from sacha_core.raster.kernels.lanes import (
 )
 from sacha_core.raster.kernels.layout import (
     ALPHA_MIN,
+    BOX_MARGIN,
     POWER_SCALE,
     RADIUS_MAX,
     RECORD,
@@ -51,14 +54,16 @@ from sacha_core.raster.kernels.layout import (
 F = np.float32
 LOG2_255 = F(np.log2(255.0))
 TWICE_LN2 = F(2 * np.log(2.0))
-BOX_MARGIN = F(2e-3)  # pixels; more than the rounding of a box's edge in an image of 16384 pixels
 FAR = F(1e15)  # squares stay finite
 HUGE = F(1e30)
 
 
-@within
+@inlined
 def project_block(means, scales, quaternions, opacities, colours, channels, row, view, at, records, depth):
-    """Project sixteen Gaussians from `row` on into the records and depths from `at` on."""
+    """Project sixteen Gaussians from `row` on into the records and depths from `at` on.
+
+    Gives which are seen, the box of each in pixels and its outline, as `emit_block` wants them.
+    """
     x, y, z = to_camera(means, row, view)
     inverse, _, _, j00, j02, j11, j12 = jacobian(x, y, z, view)
     mean_x, mean_y = load_spread(view, V_FX) * x * inverse, load_spread(view, V_FY) * y * inverse
@@ -105,15 +110,24 @@ def project_block(means, scales, quaternions, opacities, colours, channels, row,
     store(depth, at, select(keep, z, splat(F(np.inf))))
 
     scale = conic * F(float(LOG2_E) / POWER_SCALE)
-    inverse_xx = splat(F(1)) / xx
     red, green, blue, other = load_colours(colours, channels, row)
     store_transposed(records, at * RECORD, (
         mean_x, mean_y,
         yy * scale * F(-0.5), xy * scale, xx * scale * F(-0.5), log_opacity * F(1 / POWER_SCALE),
         red, green, blue, other,
-        pack(x_low, x_high), pack(y_low, y_high),
-        xy * inverse_xx, determinant * inverse_xx, inverse_xx, xy * radius_y / yy,
+        pack(x_low, x_high), pack(y_low, y_high), zeros(), zeros(), zeros(), zeros(),
     ))  # fmt: skip
+    inverse_xx = splat(F(1)) / xx
+    outline = (
+        centre_x,
+        centre_y - F(0.5),
+        limit,
+        xy * inverse_xx,
+        determinant * inverse_xx,
+        inverse_xx,
+        xy * radius_y / yy,
+    )
+    return keep, (x_low, x_high, y_low, y_high), outline
 
 
 @within
@@ -138,17 +152,33 @@ def load_colours(colours, channels, row):
 def project(
     means, scales, quaternions, opacities, colours,
     tail_means, tail_scales, tail_quaternions, tail_opacities, tail_colours,
-    n, channels, view, start, stop, records, depth,
+    n, channels, view, columns, start, stop, records, depth, base, keys, span, histogram, scratch,
 ):  # fmt: skip
-    """Project the Gaussians `start` to `stop` (`start` a multiple of 16) into their records.
+    """Project the Gaussians `start` to `stop` (`start` a multiple of 16) into their records, and emit their keys.
 
-    All arrays are flat. The `tail_` arrays hold the last n % 16 rows, filled up to sixteen.
-    The depth of a Gaussian that cannot be seen is infinite.
+    All arrays are flat. The `tail_` arrays hold the last n % 16 rows, filled up to sixteen; `columns` is the number of columns of tiles.
+    Results are the `records` (n, 16); the `depth` (n,), infinite for what cannot be seen; the `keys`, one for every tile that a Gaussian
+    touches, of which keys[0] has the position `base` among all; the `span` (n, 2), position of each Gaussian's first key and number of
+    its keys; and the `histogram` (tiles,), number of keys of each tile. `scratch` is (EMIT_SCRATCH,) integers.
+
+    Returns:
+        How much of `keys` is used, or -1 where there is no room.
     """
+    for tile in range(len(histogram)):
+        histogram[tile] = 0
+    used = np.int64(0)
+    row = start
     for block in range(start, stop, LANES):
-        if block + LANES <= n:
-            project_block(means, scales, quaternions, opacities, colours, channels, block, view, block, records, depth)
-        else:
-            project_block(
-                tail_means, tail_scales, tail_quaternions, tail_opacities, tail_colours, channels, 0, view, block, records, depth
+        if block + LANES > n:
+            means, scales, quaternions, opacities, colours = (
+                tail_means, tail_scales, tail_quaternions, tail_opacities, tail_colours,
             )  # fmt: skip
+            row = np.int64(0)
+        keep, box, outline = project_block(
+            means, scales, quaternions, opacities, colours, channels, row, view, block, records, depth
+        )
+        used = emit_block(keep, box, outline, columns, block, base, used, keys, span, histogram, scratch)
+        if used < 0:
+            return -1
+        row += LANES
+    return used
