@@ -20,6 +20,10 @@ from sacha_core.train.views import Target, box_of
 RADIUS_M = 0.1
 PER_TRIANGLE = 2
 DEGREE = 3
+MASKS = (
+    "left_eyeball", "right_eyeball", "left_eye_region", "right_eye_region", "lips", "nose", "left_ear", "right_ear",
+    "boundary", "scalp", "neck", "face", "forehead", "eye_region",
+)  # fmt: skip
 CPU = torch.device("cpu")
 
 
@@ -37,7 +41,7 @@ class Stage:
 
 
 def ball(rng: np.random.Generator) -> HeadModel:
-    """Make a ball with FLAME's five joints, expressions and pose correctives."""
+    """Make a ball with FLAME's five joints, expressions and pose correctives, and each vertex in one of its masks."""
     mesh = trimesh.creation.icosphere(1, RADIUS_M)
     v = len(mesh.vertices)
     weights = rng.random((v, 5)) ** 3
@@ -52,6 +56,7 @@ def ball(rng: np.random.Generator) -> HeadModel:
         weights=(weights / weights.sum(axis=1, keepdims=True)).astype(np.float32),
         parents=np.array([-1, 0, 1, 1, 1], np.int32),
         posedirs=rng.normal(0, 0.001, (v, 3, 36)).astype(np.float32),
+        masks={name: np.flatnonzero(np.arange(v) % len(MASKS) == place) for place, name in enumerate(MASKS)},
     )
 
 
