@@ -266,21 +266,25 @@ def store_halves(typingctx, array, low, high, value):
     return types.void(array, types.intp, types.intp, lanes_type), codegen
 
 
+def transposed(builder, level):
+    """Give the columns of sixteen vectors as vectors."""
+    for width in (1, 2, 4, 8):  # swap blocks of this width across the diagonal
+        low = [k if k & width == 0 else k - width + LANES for k in range(LANES)]
+        swapped = list(level)
+        for k in range(LANES):
+            if k & width == 0:
+                swapped[k] = shuffle(builder, level[k], level[k + width], low)
+                swapped[k + width] = shuffle(builder, level[k], level[k + width], [j + width for j in low])
+        level = swapped
+    return level
+
+
 @intrinsic
 def store_transposed(typingctx, array, index, columns):
     """Write sixteen rows of sixteen numbers, given as a tuple of sixteen columns."""
 
     def codegen(context, builder, signature, args):
-        level = cgutils.unpack_tuple(builder, args[2])
-        for width in (1, 2, 4, 8):  # swap blocks of this width across the diagonal
-            low = [k if k & width == 0 else k - width + LANES for k in range(LANES)]
-            swapped = list(level)
-            for k in range(LANES):
-                if k & width == 0:
-                    swapped[k] = shuffle(builder, level[k], level[k + width], low)
-                    swapped[k + width] = shuffle(builder, level[k], level[k + width], [j + width for j in low])
-            level = swapped
-        for row, value in enumerate(level):
+        for row, value in enumerate(transposed(builder, cgutils.unpack_tuple(builder, args[2]))):
             offset = builder.add(args[1], ir.Constant(args[1].type, row * LANES))
             place = address(context, builder, signature.args[0], args[0], offset)
             builder.store(value, builder.bitcast(place, VECTOR.as_pointer()), align=4)

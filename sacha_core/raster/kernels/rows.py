@@ -1,0 +1,145 @@
+"""Sixteen rows of a table as columns of lanes, and back: fewer than sixteen, rows to leave out, and wide rows.
+
+`load_strided` and `store_interleaved` of `lanes` are a little quicker where sixteen rows of a few numbers are there for certain.
+
+Source: own.
+"""
+
+# ruff: noqa: ARG001 - Numba looks at names and numbers of arguments
+from __future__ import annotations
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from sacha_core.raster.kernels.lanes import (
+    BITS,
+    FLOAT,
+    INT,
+    LANES,
+    VECTOR,
+    address,
+    lanes_below,
+    lanes_type,
+    mask_type,
+    shuffle,
+    transposed,
+)
+
+__all__ = ["first_lanes", "load_columns", "load_wide", "store_columns", "store_wide"]
+
+NOTHING = ir.Constant(VECTOR, None)
+UNDEFINED = ir.Constant(VECTOR, ir.Undefined)
+
+
+@intrinsic
+def first_lanes(typingctx, count):
+    """Give the mask of the first `count` lanes."""
+
+    def codegen(context, builder, signature, args):
+        return lanes_below(builder, args[0])
+
+    return mask_type(types.intp), codegen
+
+
+@intrinsic(prefer_literal=True)
+def load_columns(typingctx, array, index, width, count):
+    """Give the columns of `count` rows of `width` (a literal, up to 4) numbers of a flat float32 array from `index` on, zero beyond."""
+    if not isinstance(width, types.IntegerLiteral):
+        return None
+    step = width.literal_value
+
+    def codegen(context, builder, signature, args):
+        start = address(context, builder, signature.args[0], args[0], args[1])
+        end = builder.mul(args[3], ir.Constant(args[3].type, step))
+        parts = []
+        for k in range(step):
+            mask = lanes_below(builder, builder.sub(end, ir.Constant(end.type, k * LANES)))
+            parts.append(masked_load(builder, builder.gep(start, [INT(k * LANES)]), mask))
+        table = joined(builder, parts)
+        columns = [shuffle(builder, table, table, [lane * step + k for lane in range(LANES)]) for k in range(step)]
+        return context.make_tuple(builder, signature.return_type, columns)
+
+    return types.UniTuple(lanes_type, step)(array, types.intp, width, types.intp), codegen
+
+
+@intrinsic(prefer_literal=True)
+def store_columns(typingctx, array, index, width, count, columns):
+    """Write the first columns of `count` rows of `width` (a literal, up to 4) numbers; what the rows hold beyond stays."""
+    if not isinstance(width, types.IntegerLiteral):
+        return None
+    step = width.literal_value
+
+    def codegen(context, builder, signature, args):
+        start = address(context, builder, signature.args[0], args[0], args[1])
+        end = builder.mul(args[3], ir.Constant(args[3].type, step))
+        columns = cgutils.unpack_tuple(builder, args[4])
+        table = joined(builder, columns)
+        for k in range(step):
+            places = [divmod(k * LANES + lane, step) for lane in range(LANES)]  # row and column of each lane
+            value = shuffle(builder, table, table, [min(c, len(columns) - 1) * LANES + row for row, c in places])
+            mask = lanes_below(builder, builder.sub(end, ir.Constant(end.type, k * LANES)))
+            mask = builder.and_(mask, ir.Constant(BITS, [ir.IntType(1)(c < len(columns)) for _, c in places]))
+            masked_store(builder, builder.gep(start, [INT(k * LANES)]), mask, value)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, width, types.intp, columns), codegen
+
+
+@intrinsic(prefer_literal=True)
+def load_wide(typingctx, array, index, pitch, width, wanted):
+    """Give `width` (a literal, up to 16) columns of sixteen rows `pitch` numbers apart; rows not wanted are zero and not touched."""
+    if not isinstance(width, types.IntegerLiteral):
+        return None
+    numbers = width.literal_value
+
+    def codegen(context, builder, signature, args):
+        zeros = cgutils.global_constant(builder, "zero_row", ir.Constant(ir.ArrayType(FLOAT, LANES), [0.0] * LANES))
+        instead = builder.bitcast(zeros, FLOAT.as_pointer())
+        word = builder.bitcast(args[4], ir.IntType(LANES))
+        mask = ir.Constant(BITS, [ir.IntType(1)(lane < numbers) for lane in range(LANES)])
+        place, rows = address(context, builder, signature.args[0], args[0], args[1]), []
+        for row in range(LANES):
+            bit = builder.and_(word, ir.Constant(word.type, 1 << row))
+            chosen = builder.select(builder.icmp_unsigned("!=", bit, ir.Constant(word.type, 0)), place, instead)
+            rows.append(masked_load(builder, chosen, mask))
+            place = builder.gep(place, [args[2]])
+        return context.make_tuple(builder, signature.return_type, transposed(builder, rows)[:numbers])
+
+    return types.UniTuple(lanes_type, numbers)(array, types.intp, types.intp, width, mask_type), codegen
+
+
+@intrinsic
+def store_wide(typingctx, array, index, pitch, columns):
+    """Write sixteen rows of sixteen numbers, given as a tuple of columns, `pitch` numbers apart."""
+
+    def codegen(context, builder, signature, args):
+        place = address(context, builder, signature.args[0], args[0], args[1])
+        for row in transposed(builder, cgutils.unpack_tuple(builder, args[3])):
+            builder.store(row, builder.bitcast(place, VECTOR.as_pointer()), align=4)
+            place = builder.gep(place, [args[2]])
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, types.intp, columns), codegen
+
+
+def joined(builder, parts):
+    """Give up to four vectors as one of 64 lanes."""
+    parts = [*parts, *[UNDEFINED] * (4 - len(parts))]
+    halves = [shuffle(builder, parts[k], parts[k + 1], range(2 * LANES)) for k in (0, 2)]
+    return shuffle(builder, *halves, range(4 * LANES))
+
+
+def masked_load(builder, pointer, mask):
+    pointer = builder.bitcast(pointer, VECTOR.as_pointer())
+    shape = ir.FunctionType(VECTOR, [pointer.type, INT, BITS, VECTOR])
+    function = cgutils.get_or_insert_function(builder.module, shape, "llvm.masked.load.v16f32.p0")
+    return builder.call(function, [pointer, INT(4), mask, NOTHING])
+
+
+def masked_store(builder, pointer, mask, value):
+    pointer = builder.bitcast(pointer, VECTOR.as_pointer())
+    shape = ir.FunctionType(ir.VoidType(), [VECTOR, pointer.type, INT, BITS])
+    function = cgutils.get_or_insert_function(builder.module, shape, "llvm.masked.store.v16f32.p0")
+    builder.call(function, [value, pointer, INT(4), mask])
