@@ -12,21 +12,21 @@ from sacha_core.errors import SachaError
 from sacha_core.raster.buffers import Buffers
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.kernels.batch import LOOK_AHEAD
-from sacha_core.raster.kernels.deal import count_up, deal
+from sacha_core.raster.kernels.deal import count_up, deal, share_out
 from sacha_core.raster.kernels.depth_order import BUCKETS, INFINITE, PASSES, sort_by_depth
 from sacha_core.raster.kernels.emit import EMIT_SCRATCH
+from sacha_core.raster.kernels.grid import place_lanes
 from sacha_core.raster.kernels.lanes import LANES
-from sacha_core.raster.kernels.layout import GAUSSIAN_MASK, R_COLUMNS, R_ROWS, RECORD
+from sacha_core.raster.kernels.layout import GAUSSIAN_MASK, R_COLUMNS, R_ROWS, RECORD, TILE_HEIGHT, TILE_WIDTH
 from sacha_core.raster.kernels.project import project
 from sacha_core.raster.pool import Pool, even_ranges
 from sacha_core.raster.splats import Splats
-from sacha_core.raster.view import lane_coordinates, tile_grid, view_parameters
+from sacha_core.raster.view import tile_grid, view_parameters
 from sacha_core.stopwatch import Stopwatch, timed
 
 __all__ = ["Binner", "Bins"]
 
 JOBS_PER_THREAD = 8  # so that threads finish together
-TILE_COST = 8  # entries that take as long as a tile's first and last steps
 KEYS_PER_GAUSSIAN = 6  # room at first; doubled until it suffices
 MIN_ROOM = 4096  # keys of a job
 MAX_KEYS = 1 << 26
@@ -69,7 +69,7 @@ class Bins:
         entries: key position << 36 | Gaussian << 10 | first row << 5 | last row.
         ranges: bounds of the ranges of tiles that jobs take, about equal in entries.
         done: (tiles,) where blending stopped; written by the forward kernel.
-        x_lanes: pixel coordinates, see `lane_coordinates`.
+        x_lanes: pixel coordinates, see `place_lanes`.
         y_lanes: likewise.
         serial: number of the call that made them.
     """
@@ -118,9 +118,15 @@ class Binner:
             n_seen = sort_by_depth(projection.depths.view(np.uint32), n, order, swap, histogram)
         with timed(self._watch, "deal"):
             start, entries = self._deal(projection, order[:n_seen])
-        x_lanes, y_lanes = lane_coordinates(camera)
+        columns, rows = tile_grid(camera)
+        x_lanes = space("x_lanes", columns * LANES, np.float32)
+        y_lanes = space("y_lanes", rows * TILE_HEIGHT * TILE_WIDTH, np.float32)
+        place_lanes(float(camera.cx), float(camera.cy), x_lanes, y_lanes)
+        jobs = min(columns * rows, JOBS_PER_THREAD * self._pool.threads)
+        ranges = space("ranges", jobs + 1, np.int64)
+        share_out(start, jobs, ranges)
         return Bins(
-            projection, projection.span[: 2 * n].reshape(n, 2), len(projection.keys), start, entries, self._tile_ranges(start),
+            projection, projection.span[: 2 * n].reshape(n, 2), len(projection.keys), start, entries, ranges.tolist(),
             space("done", len(start) - 1, np.int64), x_lanes, y_lanes, self.serial,
         )  # fmt: skip
 
@@ -193,14 +199,6 @@ class Binner:
 
         self._pool.run(job, 2 * (len(bands) - 1))
         return start, entries
-
-    def _tile_ranges(self, start: Int[np.ndarray, " t"]) -> list[int]:
-        """Give bounds of ranges of tiles with about equal numbers of entries."""
-        tiles = len(start) - 1
-        load = start + np.arange(tiles + 1) * TILE_COST
-        jobs = min(tiles, JOBS_PER_THREAD * self._pool.threads)
-        bounds = np.searchsorted(load, np.linspace(0, load[-1], jobs + 1)[1:-1])
-        return [0, *bounds.tolist(), tiles]
 
 
 def last_block(array: Float[np.ndarray, "n ..."]) -> Float[np.ndarray, " b"]:

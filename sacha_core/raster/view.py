@@ -9,7 +9,7 @@ from sacha_core.errors import OptionError
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.kernels import layout
 
-__all__ = ["MAX_SIDE", "lane_coordinates", "tile_grid", "view_parameters"]
+__all__ = ["MAX_SIDE", "tile_grid", "view_parameters"]
 
 MAX_SIDE = 16384
 SLACK = 0.15  # of the image's side: how far outside it the Jacobian still follows the mean
@@ -46,15 +46,3 @@ def view_parameters(camera: Camera, near: float) -> Float[np.ndarray, " k"]:
 def tile_grid(camera: Camera) -> tuple[int, int]:
     """Give the number of columns and rows of tiles."""
     return -(-camera.width // layout.TILE_WIDTH), -(-camera.height // layout.TILE_HEIGHT)
-
-
-def lane_coordinates(camera: Camera) -> tuple[Float[np.ndarray, " a"], Float[np.ndarray, " b"]]:
-    """Give x of the sixteen lanes of each column of tiles, and y of those of each pair of rows, relative to the principal point.
-
-    Taken from there and not from the image's corner, they are the same to the bit in a cropped camera.
-    """
-    columns, rows = tile_grid(camera)
-    x = np.arange(columns * layout.TILE_WIDTH) + 0.5 - camera.cx
-    y = np.arange(rows * layout.TILE_HEIGHT) + 0.5 - camera.cy
-    x_lanes = np.tile(x.reshape(columns, 1, layout.TILE_WIDTH), (1, 2, 1))
-    return x_lanes.astype(np.float32).ravel(), np.repeat(y, layout.TILE_WIDTH).astype(np.float32)

@@ -9,6 +9,7 @@ from sacha_core.raster.kernels.lanes import prefetch
 from sacha_core.raster.kernels.layout import GAUSSIAN_SHIFT, KEY_BITS, TOP_SHIFT
 
 AHEAD = 16  # Gaussians whose keys are asked for in advance
+TILE_COST = 8  # entries that take as long as a tile's first and last steps
 
 
 @njit(cache=True, nogil=True)
@@ -24,6 +25,19 @@ def count_up(histograms, start, front, back):
         back[tile] = total - 1
     start[tiles] = total
     return total
+
+
+@njit(cache=True, nogil=True)
+def share_out(start, jobs, bounds):
+    """Write the bounds of ranges of tiles with about equal numbers of entries to `bounds` (jobs + 1,)."""
+    tiles = len(start) - 1
+    total = start[tiles] + tiles * TILE_COST
+    tile = 0
+    for job in range(jobs):
+        while (start[tile] + tile * TILE_COST) * jobs < total * job:
+            tile += 1
+        bounds[job] = tile
+    bounds[jobs] = tiles
 
 
 @njit(cache=True, nogil=True)

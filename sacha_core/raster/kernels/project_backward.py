@@ -17,6 +17,7 @@ from sacha_core.raster.kernels.geometry import (
 from sacha_core.raster.kernels.lanes import (
     LANES,
     fma,
+    inlined,
     load,
     load_spread,
     load_strided,
@@ -44,7 +45,7 @@ KEEP = LANES * RECORD  # plane of the scratch that says which lanes have entries
 GATHER_SCRATCH = LANES * RECORD + LANES
 
 
-@within
+@inlined
 def gather(block, rows, span, entry_gradients, scratch):
     """Sum the entries of up to sixteen Gaussians into the rows of the scratch; are there any?"""
     found = False
@@ -94,7 +95,7 @@ def quaternion_gradient(w, x, y, z, unit, d00, d01, d02, d10, d11, d12, d20, d21
     return (gw - w * radial) * unit, (gx - x * radial) * unit, (gy - y * radial) * unit, (gz - z * radial) * unit
 
 
-@within
+@inlined
 def project_block_backward(
     means, scales, quaternions, opacities, row, view, scratch, at, g_means, g_scales, g_quaternions, g_opacities, g_means_2d
 ):  # fmt: skip
@@ -197,6 +198,19 @@ def across(view, column, x, y, z):
     return dot3(load_spread(view, at), load_spread(view, at + 3), load_spread(view, at + 6), x, y, z)
 
 
+@inlined
+def clear_block(at, g_means, g_scales, g_quaternions, g_opacities, g_means_2d):
+    """Set the gradients of sixteen Gaussians from `at` on to zero."""
+    for part in range(3):
+        store(g_means, 3 * at + part * LANES, zeros())
+        store(g_scales, 3 * at + part * LANES, zeros())
+    for part in range(4):
+        store(g_quaternions, 4 * at + part * LANES, zeros())
+    for part in range(2):
+        store(g_means_2d, 2 * at + part * LANES, zeros())
+    store(g_opacities, at, zeros())
+
+
 @njit(cache=True, nogil=True)
 def project_backward(
     means, scales, quaternions, opacities, tail_means, tail_scales, tail_quaternions, tail_opacities, n, channels, view, start, stop,
@@ -206,31 +220,23 @@ def project_backward(
 
     Arguments as of `project`; the results `g_...` are flat, with room for a whole number of blocks of sixteen.
     """
+    row = start
     for block in range(start, stop, LANES):
         rows = min(LANES, n - block)
+        if rows < LANES:
+            means, scales, quaternions, opacities = tail_means, tail_scales, tail_quaternions, tail_opacities
+            row = np.int64(0)
         if gather(block, rows, span, entry_gradients, scratch):
-            if rows == LANES:
-                project_block_backward(
-                    means, scales, quaternions, opacities, block, view, scratch, block,
-                    g_means, g_scales, g_quaternions, g_opacities, g_means_2d,
-                )  # fmt: skip
-            else:
-                project_block_backward(
-                    tail_means, tail_scales, tail_quaternions, tail_opacities, 0, view, scratch, block,
-                    g_means, g_scales, g_quaternions, g_opacities, g_means_2d,
-                )  # fmt: skip
+            project_block_backward(
+                means, scales, quaternions, opacities, row, view, scratch, block,
+                g_means, g_scales, g_quaternions, g_opacities, g_means_2d,
+            )  # fmt: skip
         else:
-            for part in range(3):
-                store(g_means, 3 * block + part * LANES, zeros())
-                store(g_scales, 3 * block + part * LANES, zeros())
-            for part in range(4):
-                store(g_quaternions, 4 * block + part * LANES, zeros())
-            for part in range(2):
-                store(g_means_2d, 2 * block + part * LANES, zeros())
-            store(g_opacities, block, zeros())
+            clear_block(block, g_means, g_scales, g_quaternions, g_opacities, g_means_2d)
         for lane in range(rows):
             for k in range(channels):
                 g_colours[(block + lane) * channels + k] = scratch[lane * RECORD + E_COLOUR + k]
+        row += LANES
 
 
 @njit(cache=True, nogil=True)
