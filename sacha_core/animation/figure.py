@@ -17,13 +17,19 @@ from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import HeadMotion
-from sacha_core.raster.harmonics import sh_colours
+from sacha_core.raster.bounds import pixel_box
+from sacha_core.raster.camera import Camera
+from sacha_core.raster.kernels.bounds import reach
+from sacha_core.raster.kernels.harmonics import BASIS, harmonic_colours
 from sacha_core.raster.kernels.layout import ALPHA_MIN
 from sacha_core.raster.pool import Pool
 from sacha_core.raster.splats import Splats
+from sacha_core.raster.view import view_parameters
 from sacha_core.stopwatch import Stopwatch, timed
 
 __all__ = ["Figure"]
+
+Box = tuple[int, int, int, int]
 
 
 class Figure:
@@ -39,7 +45,7 @@ class Figure:
         degree: highest degree of the harmonics to use; None for all there are.
         colours: (n, 3) to draw instead of the Gaussians' own.
         turn_tolerance_rad: colours are used again until the view of some triangle has turned by more than this.
-        stopwatch: told of `pose`, `carry` and `colour`.
+        stopwatch: told of `pose` and of `carry, colour and bound`.
 
     Raises:
         HeadError: the motion has components or vertex offsets that the head lacks.
@@ -70,16 +76,18 @@ class Figure:
         with np.errstate(over="ignore"):  # a Gaussian without end is culled when it is drawn
             self._scale = np.exp(gaussians.log_scale)
         self._degree = gaussians.sh_degree if degree is None else degree
-        self._given_colours = None if colours is None else np.ascontiguousarray(colours[shown], np.float32)
         self._bounds = block_bounds(len(gaussians), BLOCK, pool.threads)
         self._world = room_for(len(gaussians))
+        self._given = colours is not None
         self._colours = np.zeros((len(gaussians), 3), np.float32)
+        if colours is not None:
+            self._colours[:] = colours[shown]
         self._turn_tolerance = turn_tolerance_rad
         self._coloured_from: tuple[np.ndarray, np.ndarray] | None = (
             None  # origins of triangles and centre of the camera
         )
-        self._origins = np.zeros((0, 3), np.float32)
-        self._posed_anew = True  # since the colours were looked at last
+        self._to_carry = self._to_colour = False  # whether the pose is new to the Gaussians and to their colours
+        self._basis = np.array(BASIS, np.float32)
 
     def __len__(self) -> int:
         """Give the number of Gaussians that can be seen at all."""
@@ -97,41 +105,65 @@ class Figure:
             GeometryError: it makes a triangle degenerate.
         """
         with timed(self._watch, "pose"):
-            pose = self._posed.pose(expression, vectors, translation)
-        frames, gaussians, bounds = pose.frames, self._gaussians, self._bounds
-        self._origins, self._posed_anew = frames.origin, True
+            self._pose = self._posed.pose(expression, vectors, translation)
+        self._to_carry = self._to_colour = True
 
-        def job(_: int, k: int) -> None:
-            carry_range(
-                bounds[k], bounds[k + 1], gaussians.position, self._scale, gaussians.quaternion, gaussians.binding,
-                frames.rotation, frames.scale, frames.origin, pose.quaternions, *self._world,
-            )  # fmt: skip
+    def seen_by(self, camera: Camera, near: float) -> tuple[Splats, Box | None]:
+        """Give what to draw of the last pose, and in which part of the image.
 
-        with timed(self._watch, "carry"):
-            self._pool.run(job, len(bounds) - 1)
-
-    def splats(self, centre: Float[np.ndarray, "3"]) -> Splats:
-        """Give what to draw in the last pose, seen from a place; the arrays hold until the next pose.
+        Gaussians are carried, coloured and bounded range by range, while they are in the cache, and only as far as something has changed.
 
         Args:
-            centre: (3,) where the camera stands, metres.
+            camera: from where.
+            near: what is closer to the camera's plane is not drawn, metres.
+
+        Returns:
+            Gaussians, whose arrays hold until the next pose, and left, top, width and height; None where nothing is to be seen.
+
+        Raises:
+            OptionError: the camera is unusable.
         """
-        if self._given_colours is not None:
-            return Splats(*self._world, self._opacities, self._given_colours)
-        if self._colours_are_stale(centre):
-            with timed(self._watch, "colour"):
-                self._colours = sh_colours(
-                    self._gaussians.sh_dc, self._gaussians.sh_rest, self._world[0], centre, self._degree, self._pool
-                )
-            self._coloured_from = self._origins.copy(), centre.copy()
-        self._posed_anew = False
-        return Splats(*self._world, self._opacities, self._colours)
+        centre = np.asarray(camera.centre, np.float32)
+        view = view_parameters(camera, near)
+        bounds, sides = self._bounds, dict[int, tuple[float, float, float, float]]()
+        colouring = self._colours_are_stale(centre)
+
+        def job(_: int, k: int) -> None:
+            start, stop = bounds[k], bounds[k + 1]
+            if self._to_carry:
+                self._carry(start, stop)
+            if colouring:
+                self._colour(start, stop, centre)
+            sides[k] = reach(start, stop, self._world[0], self._world[1], self._opacities, view)
+
+        with timed(self._watch, "carry, colour and bound"):
+            self._pool.run(job, len(bounds) - 1)
+        self._to_carry = self._to_colour = False
+        if colouring:
+            self._coloured_from = self._pose.frames.origin.copy(), centre
+        return Splats(*self._world, self._opacities, self._colours), pixel_box(sides.values(), camera)
+
+    def _carry(self, start: int, stop: int) -> None:
+        gaussians, frames = self._gaussians, self._pose.frames
+        carry_range(
+            start, stop, gaussians.position, self._scale, gaussians.quaternion, gaussians.binding,
+            frames.rotation, frames.scale, frames.origin, self._pose.quaternions, *self._world,
+        )  # fmt: skip
+
+    def _colour(self, start: int, stop: int, centre: Float[np.ndarray, "3"]) -> None:
+        gaussians = self._gaussians
+        harmonic_colours(
+            gaussians.sh_dc, gaussians.sh_rest, self._world[0], centre, self._basis, np.empty_like(self._basis), self._degree,
+            start, stop, self._colours,
+        )  # fmt: skip
 
     def _colours_are_stale(self, centre: Float[np.ndarray, "3"]) -> bool:
-        if self._coloured_from is None or self._degree == 0:
-            return self._coloured_from is None
-        if not self._posed_anew and np.array_equal(centre, self._coloured_from[1]):
+        """Tell whether colours have to be made for a view from `centre`."""
+        if self._given or self._coloured_from is None or self._degree == 0:
+            return not self._given and self._coloured_from is None
+        if not self._to_colour and np.array_equal(centre, self._coloured_from[1]):
             return False
         if self._turn_tolerance == 0:
             return True
-        return math.sqrt(largest_turn(self._origins, centre, *self._coloured_from)) > self._turn_tolerance
+        turn = largest_turn(self._pose.frames.origin, centre, *self._coloured_from)
+        return math.sqrt(turn) > self._turn_tolerance

@@ -203,15 +203,14 @@ class Player:
         return True
 
     def _draw(self, camera: Camera) -> np.ndarray:
-        splats = self._figure.splats(np.asarray(camera.centre, np.float32))
-        left, top, width, height = 0, 0, camera.width, camera.height
-        if self._options.crop:
-            with timed(self._watch, "bounds"):
-                left, top, width, height = self._rasteriser.bounds(splats, camera)
-        part = camera.crop(left, top, width, height)
-        frame = self._rasteriser.forward(splats, part, self._background)
+        splats, box = self._figure.seen_by(camera, self._rasteriser.near)
+        if not self._options.crop:
+            box = 0, 0, camera.width, camera.height
+        if box is None:
+            return self._canvas.show(np.empty((3, 0, 0), np.float32), 0, 0, camera.width, camera.height)
+        frame = self._rasteriser.forward(splats, camera.crop(*box), self._background)
         with timed(self._watch, "picture"):
-            return self._canvas.show(frame.image, left, top, camera.width, camera.height)
+            return self._canvas.show(frame.image, box[0], box[1], camera.width, camera.height)
 
 
 def _identity(camera: Camera) -> tuple[object, ...]:

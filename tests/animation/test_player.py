@@ -62,7 +62,7 @@ def camera_from(azimuth: float = 0.4, width: int = 66, height: int = 80) -> Came
 
 @pytest.fixture
 def work(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
-    """Counts poses, colours and drawings from here on."""
+    """Counts poses, Gaussians carried and coloured, and drawings from here on; on one thread, where each is done in one go."""
     counts: Counter[str] = Counter()
 
     def counted(owner: object, name: str, what: str) -> None:
@@ -70,7 +70,8 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
         monkeypatch.setattr(owner, name, lambda *a, **k: counts.update([what]) or plain(*a, **k))
 
     counted(figure_module.PosedHead, "pose", "posed")
-    counted(figure_module, "sh_colours", "coloured")
+    counted(figure_module, "carry_range", "carried")
+    counted(figure_module, "harmonic_colours", "coloured")
     counted(player_module.Rasteriser, "forward", "drawn")
     return counts
 
@@ -136,17 +137,17 @@ def test_bytes_are_the_rounded_floats(stream: bytes, head: HeadModel) -> None:
 
 
 def test_nothing_is_computed_again(stream: bytes, head: HeadModel, work: Counter[str]) -> None:
-    with Player.open(stream, head) as player:
+    with Player.open(stream, head, PlayOptions(threads=1)) as player:
         first = player.frame(1, camera_from())
-        assert work == {"posed": 1, "coloured": 1, "drawn": 1}
+        assert work == {"posed": 1, "carried": 1, "coloured": 1, "drawn": 1}
         assert player.frame(1, camera_from()) is first
-        assert work == {"posed": 1, "coloured": 1, "drawn": 1}
+        assert work == {"posed": 1, "carried": 1, "coloured": 1, "drawn": 1}
         player.frame(1, replace(camera_from(), cx=20.0))  # stands where it stood
-        assert work == {"posed": 1, "coloured": 1, "drawn": 2}
+        assert work == {"posed": 1, "carried": 1, "coloured": 1, "drawn": 2}
         player.frame(1, camera_from(0.5))
-        assert work == {"posed": 1, "coloured": 2, "drawn": 3}
+        assert work == {"posed": 1, "carried": 1, "coloured": 2, "drawn": 3}
         player.frame(2, camera_from(0.5))
-        assert work == {"posed": 2, "coloured": 3, "drawn": 4}
+        assert work == {"posed": 2, "carried": 2, "coloured": 3, "drawn": 4}
 
 
 def test_frames_of_equal_parameters_are_one_frame(avatar: Avatar, head: HeadModel, work: Counter[str]) -> None:
@@ -157,7 +158,7 @@ def test_frames_of_equal_parameters_are_one_frame(avatar: Avatar, head: HeadMode
 
 
 def test_colours_of_views_that_hardly_turn_are_used_again(stream: bytes, head: HeadModel, work: Counter[str]) -> None:
-    options = replace(FLOATS, colour_turn_deg=1.0)
+    options = replace(FLOATS, colour_turn_deg=1.0, threads=1)
     with Player.open(stream, head, options) as player, Player.open(stream, head, FLOATS) as exact:
         player.frame(0, camera_from(0.4))
         work.clear()
@@ -197,6 +198,15 @@ def test_avatars_without_motion_and_motions_without_frames(avatar: Avatar, head:
 def test_avatars_without_gaussians(head: HeadModel) -> None:
     with Player(random_gaussians(head.n_faces, 0), head, options=replace(FLOATS, background=0.25)) as player:
         np.testing.assert_array_equal(player.frame(0, camera_from()), np.float32(0.25))
+
+
+def test_cameras_that_see_nothing(stream: bytes, head: HeadModel) -> None:
+    away = Camera.look_at(np.array([0, 0, 1.0]), np.array([0, 0, 2.0]), 40, 30, 50.0)
+    with Player.open(stream, head, replace(FLOATS, background=0.25)) as player:
+        assert player.frame(0, replace(camera_from(), width=40, height=30)).min() < 0.2
+        for _ in range(3):
+            np.testing.assert_array_equal(player.frame(0, away), np.float32(0.25))
+            player.frame(1, replace(camera_from(), width=40, height=30))
 
 
 def test_the_head_is_found_where_none_is_given(
