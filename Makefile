@@ -40,7 +40,7 @@ install: .venv/.installed
 	@test -n "$(PYTHON)" || { echo "SACHA needs Python 3.11 or newer; install python3 and python3-venv"; exit 1; }
 	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "SACHA needs Python 3.11 or newer; name one with: make PYTHON=/path/to/python3.11")'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install $(PIP_QUIET) --constraint constraints.txt --editable ".[train,shell,test,lint]"
+	$(BIN)/python -m pip install $(PIP_QUIET) --constraint constraints.txt --editable ".[shell,test,lint]"
 	touch $@
 
 clean:

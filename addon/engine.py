@@ -17,7 +17,7 @@ import importlib.metadata as m, json, platform
 def version(name):
     try: return m.version(name)
     except m.PackageNotFoundError: return None
-print(json.dumps({"python": platform.python_version(), **{n: version(n) for n in ("sacha", "numba", "constriction", "torch")}}))
+print(json.dumps({"python": platform.python_version(), **{n: version(n) for n in ("sacha", "numba", "constriction")}}))
 """
 
 
@@ -67,8 +67,7 @@ def describe(printed: str) -> str:
     python = f"Python {found.pop('python')}"
     if found["sacha"] is None:
         raise EngineMissingError(f"{python} without SACHA: install it there with pip")
-    missing = [name for name, version in found.items() if version is None and name != "torch"]
+    missing = [name for name, version in found.items() if version is None]
     if missing:
         raise EngineMissingError(f"{python} with SACHA {found['sacha']}, but without {' and '.join(missing)}")
-    training = f"torch {found['torch']}" if found["torch"] else "no torch: it cannot train"
-    return f"{python}, SACHA {found['sacha']}, {training}"
+    return f"{python}, SACHA {found['sacha']}"

@@ -36,7 +36,7 @@ From captured frames to a small .sacha file and back: synth or capture, train, e
 `sacha COMMAND --help` explains each command."""
 
 EXTRAS = {
-    "torch": "train",
+    "torch": "bench",
     "gsplat": "cuda",
     "bpy": "blender",
     "tyro": "shell",

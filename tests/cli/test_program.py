@@ -79,7 +79,7 @@ def raising(error: BaseException) -> Callable[..., dict[str, Any]]:
         (FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), "a.sacha"), "a.sacha: no such file or directory"),
         (PermissionError(errno.EACCES, os.strerror(errno.EACCES), "b"), "b: permission denied"),
         (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), "no space left on device"),
-        (ModuleNotFoundError("No module", name="torch"), "needs the package torch: pip install 'sacha[train]'"),
+        (ModuleNotFoundError("No module", name="torch"), "needs the package torch: pip install 'sacha[bench]'"),
     ],
 )
 def test_what_a_user_can_put_right_is_one_line_and_exit_2(
