@@ -22,7 +22,7 @@ from sacha_core.raster.kernels.project import project
 from sacha_core.raster.pool import Pool, even_ranges
 from sacha_core.raster.splats import Splats
 from sacha_core.raster.view import tile_grid, view_parameters
-from sacha_core.stopwatch import Stopwatch, timed
+from sacha_core.stopwatch import Timer, timed
 
 __all__ = ["Binner", "Bins"]
 
@@ -96,7 +96,7 @@ class Binner:
         stopwatch: told how long the stages take.
     """
 
-    def __init__(self, pool: Pool, buffers: Buffers, near: float, stopwatch: Stopwatch | None = None) -> None:
+    def __init__(self, pool: Pool, buffers: Buffers, near: float, stopwatch: Timer | None = None) -> None:
         self.serial = 0
         self._pool = pool
         self._space = buffers.space

@@ -18,7 +18,7 @@ from sacha_core.raster.kernels.layout import RECORD
 from sacha_core.raster.kernels.project_backward import GATHER_SCRATCH, gather_weights, project_backward
 from sacha_core.raster.pool import Pool
 from sacha_core.raster.splats import MAX_CHANNELS, SplatGradients, Splats
-from sacha_core.stopwatch import Stopwatch, timed
+from sacha_core.stopwatch import Timer, timed
 
 __all__ = ["NEAR", "Frame", "Rasteriser", "Splats"]
 
@@ -74,7 +74,7 @@ class Rasteriser:
         threads: int | None = None,
         near: float = NEAR,
         pool: Pool | None = None,
-        stopwatch: Stopwatch | None = None,
+        stopwatch: Timer | None = None,
     ) -> None:
         self._pool = pool or Pool(threads)
         if threads not in (None, self._pool.threads):

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from raster_oracle import NAMES, draw, parameters
 from raster_scenes import camera, scene
 
@@ -19,6 +23,9 @@ BAND = 2e-5  # relative distance from a threshold within which float32 may decid
 FLIP = 1.2 / 255  # what one decision at alpha = 1/255 may change in a colour of at most 1
 GRADIENT = 2e-4  # relative to the largest gradient of its kind: float32 sums over a few thousand pixels
 COLOURS_AND_CAMERAS = [(1, 8, 8), (2, 16, 33), (3, 45, 70), (4, 57, 31), (4, 5, 3), (3, 1, 1)]
+
+
+SHARED = Rasteriser(2)
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +131,7 @@ def test_threads_do_not_change_a_bit() -> None:
     splats, view, background = scene(51, 3000, 4, 0.01), camera(150, 130, 160.0), np.array([1, 1, 1, 0.0])
     upstream = np.random.default_rng(1).normal(size=(4, 130, 150)).astype(np.float32)
     results = []
-    for threads in (1, 2, 5):
+    for threads in (1, 2, 4, 5):
         own = Rasteriser(threads)
         frame = own.forward(splats, view, background)
         gradients = own.backward(frame, upstream)
@@ -162,6 +169,48 @@ def test_a_crop_is_that_part_of_the_image_to_the_bit(rasteriser: Rasteriser) -> 
     assert np.array_equal(part.image, whole[:, top : top + height, left : left + width])
     part = rasteriser.forward(splats, view.crop(left + 5, top + 3, 33, 41), background)
     assert np.array_equal(part.image, whole[:, top + 3 : top + 44, left + 5 : left + 38])
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 100), st.integers(0, 120), st.integers(1, 70), st.integers(1, 70))
+def test_any_crop_is_that_part_of_the_image_to_the_bit(left: int, top: int, width: int, height: int) -> None:
+    splats, view = scene(54, 200, 3, 0.015, 0.1), camera(120, 150, 150.0)
+    whole = SHARED.forward(splats, view, np.ones(3))
+    image, transmittance = whole.image.copy(), whole.transmittance.copy()
+    part = SHARED.forward(splats, view.crop(left, top, width, height), np.ones(3))
+    rows, columns = min(height, 150 - top), min(width, 120 - left)  # a crop may reach beyond the image
+    assert np.array_equal(part.image[:, :rows, :columns], image[:, top : top + rows, left : left + columns])
+    assert np.array_equal(part.transmittance[:rows, :columns], transmittance[top : top + rows, left : left + columns])
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3])
+def test_channels_do_not_change_one_another_nor_the_geometry(channels: int) -> None:
+    splats, view = scene(55, 400, 4, 0.02), camera(70, 90, 90.0)
+    fewer = replace(splats, colours=splats.colours[:, :channels])
+    upstream = np.random.default_rng(1).normal(size=(4, 90, 70)).astype(np.float32)
+    upstream[channels:] = 0
+    whole = SHARED.forward(splats, view, np.ones(4))
+    image, transmittance = whole.image.copy(), whole.transmittance.copy()
+    gradients = {name: array.copy() for name, array in vars(SHARED.backward(whole, upstream)).items()}
+    part = SHARED.forward(fewer, view, np.ones(channels))
+    assert np.array_equal(part.image, image[:channels])
+    assert np.array_equal(part.transmittance, transmittance)
+    for name, array in vars(SHARED.backward(part, upstream[:channels])).items():
+        assert np.array_equal(array, gradients[name][:, :channels] if name == "colours" else gradients[name]), name
+
+
+@pytest.mark.parametrize("n", [1, 63, 64, 65, 128, 129])
+def test_tiles_whose_entries_just_fill_batches_or_do_not(rasteriser: Rasteriser, n: int) -> None:
+    """Faint splats over the whole of a small image: every tile holds all n, and none is hidden."""
+    splats, view, background = scene(57, n, 2, 0.4, spread=0.02), camera(20, 40, 60.0), np.array([1.0, 0.3])
+    splats.scales[:], splats.opacities[:] = (0.4, 0.5, 0.6), np.linspace(0.02, 0.05, n)
+    gradients, expected = compared_gradients(rasteriser, splats, view, background, with_transmittance=True)
+    frame = rasteriser.forward(splats, view, background)
+    assert (np.diff(frame.bins.start) == n).all()
+    assert close_outside_band(frame, splats, background) < 0.05
+    for name in NAMES:
+        error = np.abs(getattr(gradients, name) - expected[name]).max() / np.abs(expected[name]).max()
+        assert error < GRADIENT, f"{name}: {error}"
 
 
 def test_gradients_of_a_crop_are_those_of_the_whole_where_the_rest_is_constant(rasteriser: Rasteriser) -> None:
