@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 
-__all__ = ["Stopwatch", "timed"]
+__all__ = ["Stopwatch", "Timer", "timed"]
 
 NOBODY = nullcontext()
+Timer = Callable[
+    [str], AbstractContextManager[None]
+]  # measures the time spent inside, for a stage; a `Stopwatch` is one
 
 
 class Stopwatch:
@@ -32,6 +35,6 @@ class Stopwatch:
             self.seconds[stage] += time.perf_counter() - start
 
 
-def timed(watch: Stopwatch | None, stage: str) -> AbstractContextManager[None]:
+def timed(watch: Timer | None, stage: str) -> AbstractContextManager[None]:
     """Measure the time spent inside, where somebody wants to know."""
     return NOBODY if watch is None else watch(stage)

@@ -127,6 +127,9 @@ def _check(path: str | os.PathLike[str], state: TrainState) -> None:
         wrong = name in ATTRIBUTES and len(value) != len(state)
         for kind in MOMENTS:
             other = getattr(state, kind)[name]
+            if not np.isfinite(other).all():
+                row = int(np.argmin(np.isfinite(other).reshape(len(other), -1).all(axis=1)))
+                raise FormatError(f"{path}: {kind} of {name} is not finite at row {row}")
             if wrong or other.shape != value.shape or other.dtype != np.float32:
                 raise FormatError(
                     f"{path}: {kind} of {name} is {other.dtype} {other.shape}, which fits nothing else in it"

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
+from typing import cast
 
 import numpy as np
 from jaxtyping import Float
 
-from sacha_core.errors import GeometryError, OptionError, SachaError
+from sacha_core.errors import GeometryError, OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import HeadMotion
 from sacha_core.perception.image_loss import ImageLoss, ImageLosses
 from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import Rasteriser
+from sacha_core.raster.splats import ColourError
 from sacha_core.stopwatch import Stopwatch, timed
 from sacha_core.train.drawing import Drawer, Drawing
 from sacha_core.train.faults import LARGEST_GRADIENT, Fault
@@ -52,7 +54,7 @@ class CpuEngine:
         self._fine_tune, losses = options.fine_tune, options.losses
         self._pool = Pool(options.threads)
         self._rig = Rig(head, motion, self._pool)
-        self._rasteriser = Rasteriser(self._pool.threads)
+        self._rasteriser = Rasteriser(pool=self._pool, stopwatch=cast("Stopwatch", self._time))
         self._drawer, self._looker = (Drawer(self._rasteriser, self._pool, self._time) for _ in range(2))
         self._image_loss = ImageLoss(losses.l1, losses.ssim, losses.sensitivity, self._pool.run)
         self._gradients = GaussianGradients(losses, self._rig, self._pool, options.fine_tune)
@@ -123,7 +125,7 @@ class CpuEngine:
             return weights
         self._looker.place(self._state, pose)
         for target in targets:
-            drawing = self._looker.draw(self._state, target.camera, degree, target.box)
+            drawing = self._looker.draw(target.camera, degree, target.box)
             left, top, right, bottom = drawing.box
             sensitive = target.sensitivity[top:bottom, left:right] * np.float32(1 / 255)
             weights += self._rasteriser.colour_weights(drawing.frame, np.stack([np.ones_like(sensitive), sensitive]))
@@ -148,9 +150,9 @@ class CpuEngine:
         gradients.begin(state, pose, self._drawer.splats, len(targets))
         for target in targets:
             try:
-                drawing = self._drawer.draw(state, target.camera, self._degree, target.box)
-            except SachaError:
-                return "colour", 0
+                drawing = self._drawer.draw(target.camera, self._degree, target.box)
+            except ColourError as error:
+                return "colour", error.row
             found = self._judge(target, drawing, len(targets))
             slopes = self._rasteriser.backward(drawing.frame, found.gradient)
             with self._time("gradients"):

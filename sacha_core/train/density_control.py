@@ -96,7 +96,7 @@ def importance(
         seen: their weights.
         rest_scale: (f,) metres a local unit of each triangle of the neutral head.
     """
-    scales = np.exp(state.values["log_scale"].astype(np.float64))
+    scales = spreads(state.values["log_scale"].astype(np.float64))
     if options.importance.volume_space == "world":
         scales *= rest_scale[state.binding, None]
     plain, sensitive = seen.weights[:, 0], seen.weights[:, 1]
@@ -153,7 +153,7 @@ def densify(
     of, before = regions.of(state.binding), regions.counts(state.binding)
     size = triangle_scale[state.binding]
     gradient = state.gradient_sum / np.maximum(state.gradient_count, 1)
-    scales = np.exp(values["log_scale"]) * size[:, None]
+    scales = spreads(values["log_scale"]) * size[:, None]
     grown = growth(gradient, state.thresholds[of], scales, density.largest_clone * extent)
     parents = np.flatnonzero(grown.split)
     rng = np.random.default_rng([options.seed, state.iteration, 2])
@@ -166,7 +166,7 @@ def densify(
         "position": np.concatenate([values["position"][kept], places]),
         "log_scale": np.concatenate([values["log_scale"][kept], sizes]),
     }
-    remove = superfluous(state, options, rows, np.exp(replaced["log_scale"]) * size[rows, None], extent)
+    remove = superfluous(state, options, rows, spreads(replaced["log_scale"]) * size[rows, None], extent)
     keep = ~remove
     rearrange(state, rows[keep], fresh[keep], {name: value[keep] for name, value in replaced.items()})
     state.gradient_sum[:] = 0
@@ -185,14 +185,22 @@ def densify(
 def superfluous(
     state: TrainState, options: TrainOptions, rows: np.ndarray, scales: Float[np.ndarray, "m 3"], extent: float
 ) -> Bool[np.ndarray, " m"]:
-    """Mark rows that are nearly transparent or far too large, but for a triangle's last where those are guarded."""
+    """Mark rows that are nearly transparent or far too large, but for a triangle's last where those are guarded; and all without end."""
     density, schedule = options.density, options.schedule
     remove: np.ndarray = sigmoid(state.values["opacity_logit"])[rows] < density.lowest_opacity
     if state.iteration > schedule.size_prune_from:
         remove |= scales.max(axis=1, initial=0) > density.largest * extent
     if density.guard_faint or state.iteration < schedule.warm_up:
         remove = guarded(remove, state.binding[rows])
+    remove |= ~np.isfinite(scales).all(axis=1)  # which is never drawn, and so never learns to be smaller
     return remove
+
+
+def spreads(log_scale: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    """Give standard deviations in local units, infinite where the dtype cannot hold them."""
+    with np.errstate(over="ignore"):
+        spread: np.ndarray = np.exp(log_scale)
+    return spread
 
 
 def reset_opacity(state: TrainState, options: TrainOptions) -> OpacityReset:

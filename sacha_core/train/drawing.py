@@ -11,13 +11,15 @@ import numpy as np
 from sacha_core.animation.kernels.carry import BLOCK, carry
 from sacha_core.animation.posed import Pose, block_bounds
 from sacha_core.avatar.binding import sigmoid
+from sacha_core.raster.bounds import pixel_box
 from sacha_core.raster.buffers import Buffers
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.harmonics import sh_colours
+from sacha_core.raster.kernels.bounds import reach
 from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import NEAR, Frame, Rasteriser
 from sacha_core.raster.splats import Splats
-from sacha_core.train.kernels.penalty import image_bounds
+from sacha_core.raster.view import view_parameters
 from sacha_core.train.state import TrainState
 from sacha_core.train.views import Box
 
@@ -58,63 +60,71 @@ class Drawer:
         self._rasteriser, self._pool, self._time, self._buffers = rasteriser, pool, time, Buffers()
 
     def place(self, state: TrainState, pose: Pose) -> None:
-        """Carry the Gaussians along with a posed head."""
-        n, values = len(state), state.values
+        """Let the next `draw` carry the Gaussians along with a posed head first."""
+        n = len(state)
         widths = {"means": 3, "scales": 3, "quaternions": 4, "colours": 4}
         space = {name: self._buffers.space(name, n * c, np.float32).reshape(n, c) for name, c in widths.items()}
         self.splats = Splats(**space, opacities=self._buffers.space("opacities", n, np.float32))
-        splats, frames = self.splats, pose.frames
-        bounds = block_bounds(n, BLOCK, self._pool.threads)
+        self._bounds = block_bounds(n, BLOCK, self._pool.threads)
+        self._state, self._pose = state, pose
+        self._to_carry = True
 
-        def job(_: int, k: int) -> None:
-            rows = slice(bounds[k], bounds[k + 1])
-            with np.errstate(over="ignore"):  # a Gaussian without end is culled when it is drawn
-                np.exp(values["log_scale"][rows], out=splats.scales[rows])
-            carry(
-                rows.start, rows.stop, values["position"], splats.scales, values["quaternion"], state.binding,
-                frames.rotation, frames.scale, frames.origin, pose.quaternions, splats.means, splats.scales, splats.quaternions,
-            )  # fmt: skip
-            splats.opacities[rows] = sigmoid(values["opacity_logit"][rows])
-            splats.colours[rows, 3] = sigmoid(values["sensitivity_logit"][rows])
-
-        with self._time("carry"):
-            self._pool.run(job, len(bounds) - 1)
-
-    def draw(self, state: TrainState, camera: Camera, degree: int, box: Box) -> Drawing:
+    def draw(self, camera: Camera, degree: int, box: Box) -> Drawing:
         """Draw what was placed.
 
         Args:
-            state: the same.
             camera: the whole image's.
             degree: of the spherical harmonics in use.
             box: that must be drawn at least; the rest of the image is drawn as far as Gaussians reach.
 
         Raises:
-            SachaError: a colour is not finite.
+            ColourError: a colour is not finite.
         """
-        splats = self.splats
-        centre = np.asarray(camera.centre, np.float32)
-        with self._time("colour"):
+        splats, values, bounds, to_carry = self.splats, self._state.values, self._bounds, self._to_carry
+        view = view_parameters(camera, NEAR)
+        sides = [(0.0, 0.0, 0.0, 0.0)] * (len(bounds) - 1)
+
+        def job(_: int, k: int) -> None:
+            start, stop = bounds[k], bounds[k + 1]
+            if to_carry:
+                self._carry(start, stop)
+            sides[k] = reach(start, stop, splats.means, splats.scales, splats.opacities, view)
+
+        with self._time("place and colour"):
+            self._pool.run(job, len(bounds) - 1)
+            self._to_carry = False
             splats.colours[:, :3] = sh_colours(
-                state.values["sh_dc"], state.values["sh_rest"], splats.means, centre, degree, self._pool
+                values["sh_dc"],
+                values["sh_rest"],
+                splats.means,
+                np.asarray(camera.centre, np.float32),
+                degree,
+                self._pool,
             )
-            crop = self._crop(camera, box)
+        crop = union(pixel_box(sides, camera, MARGIN), box, camera)
         part = camera.crop(crop[0], crop[1], crop[2] - crop[0], crop[3] - crop[1])
         return Drawing(self._rasteriser.forward(splats, part, BACKGROUND), crop)
 
-    def _crop(self, camera: Camera, box: Box) -> Box:
-        """Give what must be drawn: `box` and all that Gaussians touch, with a margin, inside the image; at least one pixel."""
-        bounds = np.empty(4)
-        splats = self.splats
-        pose = (np.asarray(camera.rotation, np.float64), np.asarray(camera.translation, np.float64))
-        intrinsics = (float(camera.fx), float(camera.fy), float(camera.cx), float(camera.cy))
-        image_bounds(splats.means, splats.scales, splats.opacities, *pose, *intrinsics, NEAR, bounds)
-        boxes = [b for b in (bounds.tolist(), box) if b[2] > b[0] and b[3] > b[1]]
-        if not boxes:
-            return (0, 0, 1, 1)
-        left, top = (max(0.0, min(b[side] for b in boxes) - MARGIN) for side in (0, 1))
-        right = min(camera.width, max(b[2] for b in boxes) + MARGIN)
-        bottom = min(camera.height, max(b[3] for b in boxes) + MARGIN)
-        if not (left < right and top < bottom):
-            return (0, 0, 1, 1)
-        return (int(left), int(top), int(np.ceil(right)), int(np.ceil(bottom)))
+    def _carry(self, start: int, stop: int) -> None:
+        """Bring some Gaussians into the world, and activate them."""
+        splats, frames, values, rows = self.splats, self._pose.frames, self._state.values, slice(start, stop)
+        with np.errstate(over="ignore"):  # a Gaussian without end is culled when it is drawn
+            np.exp(values["log_scale"][rows], out=splats.scales[rows])
+        carry(
+            start, stop, values["position"], splats.scales, values["quaternion"], self._state.binding,
+            frames.rotation, frames.scale, frames.origin, self._pose.quaternions, splats.means, splats.scales, splats.quaternions,
+        )  # fmt: skip
+        splats.opacities[rows] = sigmoid(values["opacity_logit"][rows])
+        splats.colours[rows, 3] = sigmoid(values["sensitivity_logit"][rows])
+
+
+def union(reached: tuple[int, int, int, int] | None, box: Box, camera: Camera) -> Box:
+    """Give what must be drawn: what Gaussians reach (left, top, width, height) and, with a margin, `box`; at least one pixel."""
+    boxes = [] if reached is None else [(reached[0], reached[1], reached[0] + reached[2], reached[1] + reached[3])]
+    if box[2] > box[0] and box[3] > box[1]:
+        sides = max(box[0] - MARGIN, 0), max(box[1] - MARGIN, 0), box[2] + MARGIN, box[3] + MARGIN
+        boxes.append((*sides[:2], min(sides[2], camera.width), min(sides[3], camera.height)))
+    if not boxes:
+        return (0, 0, 1, 1)
+    lefts, tops, rights, bottoms = zip(*boxes, strict=True)
+    return (min(lefts), min(tops), max(rights), max(bottoms))

@@ -58,5 +58,5 @@ class Faults:
     def __str__(self) -> str:
         if self.first is None:
             return "no step was skipped"
-        steps = "1 step was skipped" if self.count == 1 else f"{self.count:,} steps were skipped, the first"
+        steps = "1 step was skipped," if self.count == 1 else f"{self.count:,} steps were skipped, the first"
         return f"{steps} at iteration {self.first.iteration}: {self.first}"

@@ -24,7 +24,8 @@ from sacha_core.train.state import Arrays, TrainState
 __all__ = ["GaussianGradients", "ViewColours"]
 
 CHUNKS = 32  # of triangles, fixed, so that penalties are summed in the same order by any number of threads
-WIDTHS = {"position": 3, "log_scale": 3, "quaternion": 4, "opacity_logit": 1, "sensitivity_logit": 1, "sh_dc": 3}
+# in the order in which one spoils the next: a colour's gradient reaches the mean through the direction of view
+WIDTHS = {"sh_dc": 3, "sensitivity_logit": 1, "opacity_logit": 1, "log_scale": 3, "quaternion": 4, "position": 3}
 SUMMED = {"means": 3, "scales": 3, "quaternions": 4, "opacities": 1, "sensitivities": 1}  # over the views of a step
 
 
@@ -172,10 +173,10 @@ class GaussianGradients:
         start, stop = chunks.rows[first], chunks.rows[last]
         frames, values = pose.frames, state.values
         carry_backward(
-            chunks.faces[first], chunks.faces[last], chunks.first_row,
+            chunks.faces[first], chunks.faces[last], chunks.first_row, self.seen,
             values["quaternion"], splats.means, splats.scales, splats.quaternions,
             totals["means"], totals["scales"], totals["quaternions"], pose.vertices, self._rig.faces,
-            frames.rotation, frames.scale, frames.origin, pose.quaternions, self._with_mesh,
+            frames.rotation, frames.scale, frames.origin, self._with_mesh,
             out["position"], out["log_scale"], out["quaternion"], self._rig.g_corners,
         )  # fmt: skip
         penalise(

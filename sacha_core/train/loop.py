@@ -15,7 +15,7 @@ import numpy as np
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.density.events import Event, write_events
 from sacha_core.density.scores_file import Scores, write_scores
-from sacha_core.errors import HeadError, OptionError
+from sacha_core.errors import DatasetError, HeadError, OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.interchange.capture import Capture
@@ -83,7 +83,7 @@ def train(
         HeadError: the head is not the capture's, or lacks masks.
         OptionError: `out` holds another run, `start_from` does not lead to this one, or the device cannot be had; the message names the
             option.
-        DatasetError: an image cannot be decoded, there is none, or the cameras stand in the head.
+        DatasetError: an image cannot be decoded, there is none, the cameras stand in the head, or no Gaussian is left.
         GeometryError: a timestep's tracked pose makes a triangle degenerate.
         FormatError: a checkpoint is damaged.
         OSError: `out` cannot be written.
@@ -211,9 +211,14 @@ class Run:
         if resets:
             self.events.append(control.reset_opacity(state, self.options))
             void |= {"opacity_logit"}
+        write_events(self.folder / EVENTS, self.events)
+        if not len(state):
+            raise DatasetError(
+                f"no Gaussian is left after iteration {now}: none was opaque enough or small enough (extent {self.extent:.3g} m);"
+                " are the images all background, or the cameras inside the head?"
+            )
         self.engine.put(state)
         self.n_gaussians = len(state)
-        write_events(self.folder / EVENTS, self.events)
         return void
 
     def _calibrate(self, state: TrainState, degree: int) -> frozenset[str]:

@@ -26,7 +26,7 @@ def scene_extent(capture: Capture, head: HeadModel) -> float:
     many sides as one that keeps still within a ring of them.
 
     Raises:
-        DatasetError: there is nothing to train on, or a camera's place is not a number.
+        DatasetError: there is nothing to train on, or a camera has no place that numbers can name.
 
     Source: GaussianAvatars' and 3DGS's scene normalisation; the floor is our own.
     """

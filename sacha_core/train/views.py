@@ -22,7 +22,7 @@ __all__ = ["Box", "Step", "Target", "TrainingViews", "decoded_ahead", "epoch_ste
 
 WHITE = 255
 DECODERS = 2  # threads that decode what the cache has no room for
-AHEAD = 8  # steps that they may be ahead
+AHEAD = 16  # views that they may be ahead, but for those of one step
 Box = tuple[int, int, int, int]  # left, top, right, bottom; pixels, exclusive
 Step = tuple[int, ...]  # indices of views of one timestep
 
@@ -127,7 +127,7 @@ def box_of(marked: np.ndarray) -> Box:
 
 
 def decoded_ahead(views: TrainingViews, steps: Iterable[Step]) -> Generator[tuple[Target, ...]]:
-    """Give the views of each step in turn; some threads decode those of the next few steps that are not kept.
+    """Give the views of each step in turn; threads decode those of the next few steps that are not kept.
 
     Args:
         views: that indices are of.
@@ -137,18 +137,16 @@ def decoded_ahead(views: TrainingViews, steps: Iterable[Step]) -> Generator[tupl
         DatasetError: an image cannot be decoded; raised when its step comes.
     """
     waiting: deque[list[Target | Future[Target]]] = deque()
-    with ThreadPoolExecutor(
-        DECODERS, "sacha-decode"
-    ) as decoders:  # which has no thread before something is to be decoded
-        try:
-            for step in steps:
-                waiting.append([views[i] if views.keeps(i) else decoders.submit(views.__getitem__, i) for i in step])
-                if len(waiting) > AHEAD:
-                    yield arrived(waiting.popleft())
-            while waiting:
+    decoders = ThreadPoolExecutor(DECODERS, "sacha-decode")  # which has no thread before something is to be decoded
+    try:
+        for step in steps:
+            waiting.append([views[i] if views.keeps(i) else decoders.submit(views.__getitem__, i) for i in step])
+            if sum(map(len, waiting)) > AHEAD:
                 yield arrived(waiting.popleft())
-        finally:
-            decoders.shutdown(wait=False, cancel_futures=True)
+        while waiting:
+            yield arrived(waiting.popleft())
+    finally:  # perhaps by the garbage collector, which must not wait for threads
+        decoders.shutdown(wait=False, cancel_futures=True)
 
 
 def arrived(targets: list[Target | Future[Target]]) -> tuple[Target, ...]:

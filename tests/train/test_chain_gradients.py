@@ -72,7 +72,11 @@ class Scene:
         world = carry(*(values[name] for name in OWN), self.binding, rig.pose(values))
         return float(sum((a * b).sum() for a, b in zip(world, self.upstream, strict=True)))
 
-    def gradients(self, dtype: type[np.floating], with_mesh: bool = True, threads: int = 1) -> dict[str, np.ndarray]:
+    def gradients(
+        self, dtype: type[np.floating], with_mesh: bool = True, threads: int = 1, unseen: tuple[int, ...] = ()
+    ) -> dict[str, np.ndarray]:
+        seen = np.ones(N, np.int32)
+        seen[list(unseen)] = 0
         rig, values = self.rig(dtype, threads), {name: value.astype(dtype) for name, value in self.values.items()}
         pose = rig.pose(values)
         own = [values[name] for name in OWN]
@@ -83,8 +87,8 @@ class Scene:
         bounds = np.linspace(0, self.head.n_faces, threads + 1).astype(int)
         for start, stop in pairwise(bounds):
             carry_backward(
-                start, stop, first_row, own[2], *world, *(u.astype(dtype) for u in self.upstream), pose.vertices, rig.faces,
-                pose.frames.rotation, pose.frames.scale, pose.frames.origin, pose.quaternions, with_mesh, *back.values(), rig.g_corners,
+                start, stop, first_row, seen, own[2], *world, *(u.astype(dtype) for u in self.upstream), pose.vertices, rig.faces,
+                pose.frames.rotation, pose.frames.scale, pose.frames.origin, with_mesh, *back.values(), rig.g_corners,
             )  # fmt: skip
         if with_mesh:
             back |= rig.backward(pose, {name: values[name] for name in FITTED_MOTION})
@@ -110,3 +114,40 @@ def test_gradients_are_finite_differences(n_joints: int, correctives: bool, rest
             assert gradient.reshape(-1)[entry] == pytest.approx(slope, abs=DIFFERENCES * max(abs(gradient).max(), 1)), (
                 name
             )
+
+
+def test_float32_agrees_with_float64() -> None:
+    scene = Scene.random()
+    double = scene.gradients(np.float64)
+    for name, single in scene.gradients(np.float32).items():
+        assert single.dtype == np.float32
+        np.testing.assert_allclose(single, double[name], atol=GRADIENT_32 * abs(double[name]).max(), err_msg=name)
+
+
+def test_threads_change_no_bit() -> None:
+    scene = Scene.random()
+    alone = scene.gradients(np.float32)
+    for name, gradient in scene.gradients(np.float32, threads=3).items():
+        assert np.array_equal(gradient, alone[name]), name
+
+
+def test_a_mesh_that_stands_still_changes_nothing_for_those_on_it() -> None:
+    scene = Scene.random()
+    alone = scene.gradients(np.float64)
+    for name, gradient in scene.gradients(np.float64, with_mesh=False).items():
+        assert np.array_equal(gradient, alone[name]), name
+
+
+def test_what_is_not_seen_has_no_gradient_and_gives_none_whatever_its_values() -> None:
+    scene, hidden = Scene.random(), (0, 11, N - 1)
+    for part in scene.upstream:
+        part[list(hidden)] = 0
+    expected = scene.gradients(np.float64)
+    scene.values["log_scale"][hidden[0]] = 800.0  # beyond what exp can hold
+    scene.values["position"][hidden[1]] = np.inf
+    scene.values["quaternion"][hidden[2]] = 0.0
+    with np.errstate(over="ignore"):
+        gradients = scene.gradients(np.float64, unseen=hidden)
+    for name, gradient in gradients.items():
+        assert gradient == pytest.approx(expected[name], rel=1e-12, abs=1e-12), name
+    assert not any(gradients[name][row].any() for name in OWN for row in hidden)

@@ -15,6 +15,7 @@ from sacha_core.density.events import OpacityReset
 from sacha_core.errors import FormatError
 from sacha_core.npz import read_npz, write_npz
 from sacha_core.train.checkpoint import Checkpoint, differing, read_checkpoint, require_fit, write_checkpoint
+from sacha_core.train.faults import Fault, Faults
 from sacha_core.train.presets import scaled
 from sacha_core.train.state import initial_state
 
@@ -34,6 +35,25 @@ def test_a_checkpoint_comes_back_and_is_written_the_same_again(path: Path) -> No
     assert path.read_bytes() == path.with_name("d.npz").read_bytes()
 
 
+def test_faults_come_back(path: Path) -> None:
+    checkpoint = read_checkpoint(path)
+    checkpoint.state.faults = Faults().and_one(Fault(3, "position", 5)).and_one(Fault(4, "loss", 0))
+    write_checkpoint(path, checkpoint)
+    assert read_checkpoint(path).state.faults == Faults(2, Fault(3, "position", 5))
+
+
+def test_a_checkpoint_of_the_version_before_is_read_as_what_it_was(path: Path) -> None:
+    arrays, expected = read_npz(path), read_checkpoint(path)
+    header = json.loads(str(arrays["header"]))
+    header["version"] = 1
+    del header["faults"], header["options"]["device"], header["options"]["cameras_per_step"]
+    del header["options"]["density"]["gradient"]
+    write_npz(path, arrays | {"header": np.array(json.dumps(header))})
+    back = read_checkpoint(path)
+    assert back.options == replace(expected.options, device="cpu")
+    assert back.state.faults == Faults()
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [
@@ -48,6 +68,9 @@ def test_a_checkpoint_comes_back_and_is_written_the_same_again(path: Path) -> No
         ("second.position", np.zeros((7, 2), np.float32)),
         ("first.opacity_logit", np.zeros(7)),
         ("gradient_sum", np.zeros(3, np.float32)),
+        ("values.opacity_logit", np.full(7, np.nan, np.float32)),
+        ("second.sh_dc", np.full((7, 3), np.inf, np.float32)),
+        ("header", {"faults": {"count": 1}}),
         ("header", {"iteration": -1}),
         ("header", {"steps": {"gaussians": -1, "motion": 0}}),
     ],

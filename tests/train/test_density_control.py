@@ -280,3 +280,15 @@ def test_a_reset_lowers_opacities_and_forgets_their_moments_only() -> None:
     assert not state.first["opacity_logit"].any()
     assert not state.second["opacity_logit"].any()
     assert state.first["position"].all()
+
+
+@pytest.mark.parametrize("guard", [False, True])
+def test_what_has_no_end_goes_at_the_next_densification_even_the_last_of_its_triangle(guard) -> None:
+    state = state_of()
+    state.iteration = 20_000  # neither is the size looked at yet, nor is a last one let go
+    state.values["log_scale"][[0, 1, 5], 1] = 90  # beyond float32's exp
+    state.gradient_sum[:6], state.gradient_count[:6] = 1.0, 1
+    event = densify(state, options(guard_faint=guard), REGIONS, SIZES_M, EXTENT_M)
+    assert event.removed == (3, 0, 0, 0)
+    assert not (state.binding == 0).any()
+    assert all(np.isfinite(value).all() for value in state.values.values())

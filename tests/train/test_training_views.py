@@ -97,7 +97,10 @@ def test_decoding_ahead_stops_with_whoever_asks_and_says_which_image_is_broken_w
     endless = decoded_ahead(TrainingViews(tiny.capture, cache_bytes=0), ((i % 12,) for i in count()))
     next(endless)
     endless.close()
-    assert not [thread for thread in threading.enumerate() if "sacha-decode" in thread.name]
+    for thread in threading.enumerate():
+        if "sacha-decode" in thread.name:
+            thread.join(timeout=10)
+            assert not thread.is_alive()
 
 
 @given(st.integers(1, 40), st.integers(1, 7), st.integers(1, 400))

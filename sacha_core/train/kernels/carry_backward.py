@@ -7,12 +7,10 @@ Gaussians are sorted by triangle, and a triangle belongs to one thread: every su
 
 from __future__ import annotations
 
-import math
-
 from numba import njit
 
 FAST = {"contract", "nsz", "arcp", "reassoc"}
-SMALLEST_NORM = 1e-12  # as `geometry.quaternion` has it
+SMALLEST_SQUARE = 1e-24  # of a quaternion, as `geometry.quaternion` has it
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -23,8 +21,8 @@ def cross(ax, ay, az, bx, by, bz):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def carry_backward(
-    start, stop, first_row, quaternion, means, scales, turned, g_means, g_scales, g_turned,
-    vertices, faces, f_rotation, f_scale, f_origin, f_quaternion, with_mesh,
+    start, stop, first_row, seen, quaternion, means, scales, turned, g_means, g_scales, g_turned,
+    vertices, faces, f_rotation, f_scale, f_origin, with_mesh,
     g_position, g_log_scale, g_quaternion, g_corners,
 ):  # fmt: skip
     """Go back from the Gaussians of the triangles `start` to `stop` to their parameters, and to the triangles' corners.
@@ -33,6 +31,7 @@ def carry_backward(
         start: first triangle.
         stop: end of the range.
         first_row: (f + 1,) first Gaussian of each triangle.
+        seen: (n,) above 0 where there is a gradient. Where there is none, the gradient is 0 whatever the values are, which may be infinite.
         quaternion: (n, 4) own, of any length.
         means: (n, 3) in the world, like the next five.
         scales: (n, 3).
@@ -42,24 +41,27 @@ def carry_backward(
         g_turned: (n, 4) by `turned`.
         vertices: (v, 3) posed.
         faces: (f, 3).
-        f_rotation: (f, 3, 3) of the frames, like the next three.
+        f_rotation: (f, 3, 3) of the frames, like the next two.
         f_scale: (f,).
         f_origin: (f, 3).
-        f_quaternion: (f, 4).
         with_mesh: whether `g_corners` is wanted.
         g_position: (n, 3) out.
         g_log_scale: (n, 3) out.
         g_quaternion: (n, 4) out.
         g_corners: (f, 3, 3) out: by the place of each corner.
     """
-    zero, half = means.dtype.type(0), means.dtype.type(0.5)
-    third, smallest = means.dtype.type(1 / 3), means.dtype.type(SMALLEST_NORM)
+    zero, half, one = means.dtype.type(0), means.dtype.type(0.5), means.dtype.type(1)
+    third, smallest = means.dtype.type(1 / 3), means.dtype.type(SMALLEST_SQUARE)
     for f in range(start, stop):
         r, o, k = f_rotation[f], f_origin[f], f_scale[f]
-        fw, fx, fy, fz = f_quaternion[f, 0], f_quaternion[f, 1], f_quaternion[f, 2], f_quaternion[f, 3]
         force_x, force_y, force_z, tension = zero, zero, zero, zero
         torque_x, torque_y, torque_z = zero, zero, zero
         for i in range(first_row[f], first_row[f + 1]):
+            if seen[i] == 0:
+                for c in range(3):
+                    g_position[i, c], g_log_scale[i, c], g_quaternion[i, c] = zero, zero, zero
+                g_quaternion[i, 3] = zero
+                continue
             gx, gy, gz = g_means[i, 0], g_means[i, 1], g_means[i, 2]
             g_position[i, 0] = k * (r[0, 0] * gx + r[1, 0] * gy + r[2, 0] * gz)
             g_position[i, 1] = k * (r[0, 1] * gx + r[1, 1] * gy + r[2, 1] * gz)
@@ -67,27 +69,29 @@ def carry_backward(
             sx, sy, sz = g_scales[i, 0] * scales[i, 0], g_scales[i, 1] * scales[i, 1], g_scales[i, 2] * scales[i, 2]
             g_log_scale[i, 0], g_log_scale[i, 1], g_log_scale[i, 2] = sx, sy, sz
 
-            w, x, y, z = quaternion[i, 0], quaternion[i, 1], quaternion[i, 2], quaternion[i, 3]
-            length = max(math.sqrt(w * w + x * x + y * y + z * z), smallest)
-            w, x, y, z = w / length, x / length, y / length, z / length
+            # Of a unit quaternion t only its turn counts, to first order t (0, u): the gradient by u is the vector part of the conjugate
+            # of t times the gradient by t. The Gaussian's own quaternion q turns by as much as t does: that by q is q (0, u) / |q|^2.
+            tw, tx, ty, tz = turned[i, 0], turned[i, 1], turned[i, 2], turned[i, 3]
             hw, hx, hy, hz = g_turned[i, 0], g_turned[i, 1], g_turned[i, 2], g_turned[i, 3]
-            ow = fw * hw + fx * hx + fy * hy + fz * hz  # conjugate of the triangle's quaternion times the gradient
-            ox = fw * hx - fx * hw - fy * hz + fz * hy
-            oy = fw * hy + fx * hz - fy * hw - fz * hx
-            oz = fw * hz - fx * hy + fy * hx - fz * hw
-            along = ow * w + ox * x + oy * y + oz * z
-            g_quaternion[i, 0], g_quaternion[i, 1] = (ow - along * w) / length, (ox - along * x) / length
-            g_quaternion[i, 2], g_quaternion[i, 3] = (oy - along * y) / length, (oz - along * z) / length
+            ax, ay, az = tw * hx - hw * tx, tw * hy - hw * ty, tw * hz - hw * tz
+            bx, by, bz = cross(tx, ty, tz, hx, hy, hz)
+            ux, uy, uz = ax - bx, ay - by, az - bz
+            w, x, y, z = quaternion[i, 0], quaternion[i, 1], quaternion[i, 2], quaternion[i, 3]
+            inverse = one / max(w * w + x * x + y * y + z * z, smallest)
+            ux, uy, uz = ux * inverse, uy * inverse, uz * inverse
+            g_quaternion[i, 0] = -x * ux - y * uy - z * uz
+            g_quaternion[i, 1] = w * ux + y * uz - z * uy
+            g_quaternion[i, 2] = w * uy + z * ux - x * uz
+            g_quaternion[i, 3] = w * uz + x * uy - y * ux
 
             if with_mesh:
                 px, py, pz = means[i, 0] - o[0], means[i, 1] - o[1], means[i, 2] - o[2]
                 force_x, force_y, force_z = force_x + gx, force_y + gy, force_z + gz
-                tension += (px * gx + py * gy + pz * gz + sx + sy + sz) / k
-                # of a turn, the mean sees its own torque, and the quaternion q changes by half the turn times q
-                tw, tx, ty, tz = turned[i, 0], turned[i, 1], turned[i, 2], turned[i, 3]
-                torque_x += py * gz - pz * gy + half * (hx * tw - hw * tx - hy * tz + hz * ty)
-                torque_y += pz * gx - px * gz + half * (hy * tw - hw * ty - hz * tx + hx * tz)
-                torque_z += px * gy - py * gx + half * (hz * tw - hw * tz - hx * ty + hy * tx)
+                tension += px * gx + py * gy + pz * gz + sx + sy + sz
+                # of a turn of the frame the mean sees its own torque; t becomes (0, half the turn) t
+                torque_x += py * gz - pz * gy + half * (ax + bx)
+                torque_y += pz * gx - px * gz + half * (ay + by)
+                torque_z += px * gy - py * gx + half * (az + bz)
         if not with_mesh:
             continue
         pull = g_corners[f]
@@ -98,7 +102,7 @@ def carry_backward(
         along_edge = torque_x * r[0, 0] + torque_y * r[1, 0] + torque_z * r[2, 0]
         along_normal = torque_x * r[0, 1] + torque_y * r[1, 1] + torque_z * r[2, 1]
         along_height = torque_x * r[0, 2] + torque_y * r[1, 2] + torque_z * r[2, 2]
-        pull_apart(f, vertices, faces, r, along_edge, along_normal, along_height, tension * half, pull)
+        pull_apart(f, vertices, faces, r, along_edge, along_normal, along_height, half * tension / k, pull)
         for corner in range(3):
             pull[corner, 0] += force_x * third
             pull[corner, 1] += force_y * third
