@@ -85,9 +85,13 @@ def alpha_power(power):
 @inlined
 def open_tile(scratch, across, rows):
     """Set a tile's transmittance: 1 in the image, 0 outside."""
-    for y in range(TILE_HEIGHT):
-        for x in range(TILE_WIDTH):
-            scratch[RUN + y * TILE_WIDTH + x] = F(1) if x < across and y < rows else F(0)
+    if across == TILE_WIDTH and rows == TILE_HEIGHT:
+        for at in range(0, TILE_PIXELS, LANES):
+            store(scratch, RUN + at, splat(F(1)))
+    else:
+        for y in range(TILE_HEIGHT):
+            for x in range(TILE_WIDTH):
+                scratch[RUN + y * TILE_WIDTH + x] = F(1) if x < across and y < rows else F(0)
 
 
 @inlined

@@ -9,6 +9,7 @@ from sacha_core.raster.kernels.lanes import prefetch
 from sacha_core.raster.kernels.layout import GAUSSIAN_SHIFT, KEY_BITS, TOP_SHIFT
 
 AHEAD = 16  # Gaussians whose keys are asked for in advance
+KEY_MASK = (1 << KEY_BITS) - 1
 TILE_COST = 8  # entries that take as long as a tile's first and last steps
 
 
@@ -65,9 +66,13 @@ def deal(order, first, stop, step, span, keys, first_tile, last_tile, cursor, en
             prefetch(span, 2 * order[k + 2 * ahead])
             prefetch(keys, span[2 * order[k + ahead]])
         g = np.int64(order[k])
-        at = np.int64(span[2 * g])
-        for i in range(at, at + span[2 * g + 1]):
-            tile = keys[i] >> KEY_BITS
-            if first_tile <= tile < last_tile:
-                entries[cursor[tile]] = i << TOP_SHIFT | g << GAUSSIAN_SHIFT | (keys[i] & ((1 << KEY_BITS) - 1))
-                cursor[tile] += step
+        at = np.uint64(span[2 * g])  # indices without a sign need no look at whether they count from the end
+        end = at + np.uint64(span[2 * g + 1])
+        while at < end:
+            key = keys[at]
+            tile = np.uint64(key >> KEY_BITS)
+            if first_tile <= np.int64(tile) < last_tile:
+                place = cursor[tile]
+                entries[np.uint64(place)] = np.int64(at) << TOP_SHIFT | g << GAUSSIAN_SHIFT | (key & KEY_MASK)
+                cursor[tile] = place + step
+            at += np.uint64(1)

@@ -92,8 +92,11 @@ def emit_block(keep, box, outline, columns, at, base, used, keys, span, histogra
             while word != 0:
                 lane = lowest_bit(word)
                 word &= word - 1
-                keys[used + scratch[PLACE + lane]] = scratch[KEY + lane]
-                histogram[scratch[KEY + lane] >> KEY_BITS] += 1
+                key = scratch[
+                    np.uint64(KEY + lane)
+                ]  # indices without a sign need no look at whether they count from the end
+                keys[np.uint64(used + scratch[np.uint64(PLACE + lane)])] = key
+                histogram[np.uint64(key >> KEY_BITS)] += 1
             place = select(writing, place + F(1), place)
             line = line + F(1)
             writing = writing & (line <= line_end)
