@@ -116,18 +116,9 @@ class ImageLoss:
                 )  # fmt: skip
             elif marks is not None:
                 top, bottom = height * strip // strips, height * (strip + 1) // strips
+                weight = F(self.entropy_weight / count)
                 empty[strip] = entropy_band(
-                    given.flat,
-                    at,
-                    marks.flat,
-                    0,
-                    marks.row,
-                    top,
-                    bottom,
-                    width,
-                    F(self.entropy_weight / count),
-                    out,
-                    nats,
+                    given.flat, at, marks.flat, 0, marks.row, top, bottom, width, weight, out, nats
                 )
 
         self._share(task, (colours + (sensitivity is not None)) * strips)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from sacha_core.perception.kernels.pixels import pixels
 from sacha_core.perception.kernels.window import RADIUS
-from sacha_core.raster.kernels.lanes import LANES, every, inlined, load, load_first
+from sacha_core.raster.kernels.lanes import LANES, every, inlined
 
 GROUP = 4  # rows that go together
 REACH = 2  # groups beside a row's own that its windows can touch
@@ -13,14 +14,6 @@ NOWHERE = 1 << 30
 def strip_spans(height: int) -> int:
     """Give how many groups a strip keeps spans of: the image's, and some without differences at both ends."""
     return -(-height // GROUP) + 4 * REACH
-
-
-@inlined
-def pixels(image, image_at, target, target_at, unit, count):
-    """Give sixteen pixels of image and target, of which `count` are inside; zero beyond."""
-    if count >= LANES:
-        return load(image, image_at), load(target, target_at) * unit
-    return load_first(image, image_at, count), load_first(target, target_at, count) * unit
 
 
 @inlined

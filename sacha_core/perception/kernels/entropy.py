@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from sacha_core.perception.kernels.pixels import pixels, write
 from sacha_core.raster.kernels.lanes import (
     LANES,
     every,
     exponent,
     fma,
     inlined,
-    load,
-    load_first,
     mantissa,
     maximum,
     minimum,
@@ -20,8 +19,6 @@ from sacha_core.raster.kernels.lanes import (
     ramp,
     select,
     splat,
-    store,
-    store_first,
     sums,
     zeros,
 )
@@ -87,22 +84,13 @@ def entropy_band(image, image_at, target, target_at, pitch, top, bottom, width, 
         total = nothing
         for x in range(0, width, LANES):
             count = width - x
-            if count >= LANES:
-                value, wanted = load(image, row + x), load(target, wanted_row + x) * F(1 / 255)
-            else:
-                value, wanted = (
-                    load_first(image, row + x, count),
-                    load_first(target, wanted_row + x, count) * F(1 / 255),
-                )
+            value, wanted = pixels(image, row + x, target, wanted_row + x, F(1 / 255), count)
             if every((value >= F(0)) & (value <= F(0)) & (wanted <= F(0))):
                 slope = nothing
                 empty += min(count, LANES)
             else:
                 entropy, slope = cross_entropy(value, wanted, weight)
                 total = total + select(lane < F(count), entropy, nothing)
-            if count >= LANES:
-                store(gradient, row + x, slope)
-            else:
-                store_first(gradient, row + x, count, slope)
+            write(gradient, row + x, count, slope)
         nats[y] = number(sums((total,)), 0)
     return empty

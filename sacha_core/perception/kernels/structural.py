@@ -5,8 +5,10 @@ $S, T$ their windowed variances,
 
 $$SSIM = \frac{(P - Q + 2 C_1)(S - T + 2 C_2)}{(P + Q + 2 C_1)(S + T + 2 C_2)}.$$
 
-Nothing cancels: where image and target agree, Q = T = 0, and SSIM is 1 and its slope 0 to the last bit. So windows in which they agree
-everywhere are not looked at, which is what a crop of the image is good for, row by row.
+With the factors of this fraction called $A_1 A_2 / B_1 B_2$, its derivatives by $P, Q, S, T$ are $2 Q k_1$, $-2 (P + 2 C_1) k_1$,
+$2 T k_2$ and $-2 (S + 2 C_2) k_2$, where $k_1 = A_2 / B_1^2 B_2$ and $k_2 = A_1 / B_1 B_2^2$. Nothing cancels: where image and target
+agree, Q = T = 0, and SSIM is 1 and its slope 0 to the last bit. So windows in which they agree everywhere are not looked at, which is what
+a crop of the image is good for, row by row.
 
 A strip is narrow enough for the rows in flight to stay in the first cache, and goes down the image four rows at a time: blur s, d, s^2, d^2
 along the rows and keep them in a ring; blur fourteen of its rows into four, which gives four rows of windows and of SSIM's derivatives;
@@ -20,7 +22,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sacha_core.perception.kernels.differences import GROUP, REACH, around, mark, pixels
+from sacha_core.perception.kernels.differences import GROUP, REACH, around, mark
+from sacha_core.perception.kernels.pixels import pixels, write
 from sacha_core.perception.kernels.window import RADIUS, blur_across, blur_along, blur_moments
 from sacha_core.raster.kernels.lanes import (
     LANES,
@@ -105,10 +108,10 @@ def similarity(mean_s, mean_d, square_s, square_d):
     luminance, contrast = p + C1, s + C2
     b1, b2 = luminance + q, contrast + t
     inverse = F(1) / (b1 * b2)
-    by_luminance = (contrast - t) * inverse * (inverse * b2)
-    by_contrast = (luminance - q) * inverse * (inverse * b1)
-    by_s, by_d = t * by_contrast, -(contrast * by_contrast)
-    by_means = fma(mean_s, q * by_luminance - by_s, mean_d * (-(luminance * by_luminance) - by_d))
+    k1 = (contrast - t) * inverse * (inverse * b2)
+    k2 = (luminance - q) * inverse * (inverse * b1)
+    by_s, by_d = t * k2, -(contrast * k2)
+    by_means = fma(mean_s, q * k1 - by_s, mean_d * (-(luminance * k1) - by_d))
     return fma(luminance, t, contrast * q) * inverse, by_means, by_s, by_d
 
 
@@ -158,32 +161,23 @@ def compare_rows(space, group, height, width, left, right, begin, end, lost):
 
 
 @inlined
-def write(gradient, at, count, value):
-    """Write the first `count` of sixteen numbers, or all where there are more."""
-    if count >= LANES:
-        store(gradient, at, value)
-    else:
-        store_first(gradient, at, count, value)
+def blur_slopes(space, group, begin, end):
+    """Blur the derivatives of fourteen rows across into four, from `begin` to `end`."""
+    slopes = AT_SLOPES + ((group + REACH) * GROUP - RADIUS) * SLOPES
+    for t in range(begin, end, LANES):
+        for part in range(3):
+            row0, row1, row2, row3 = blur_across(space, slopes + part * WINDOWS + t, SLOPES)
+            at = AT_BLURRED + part * WINDOWS + t
+            store(space, at, row0)
+            store(space, at + SLOPES, row1)
+            store(space, at + 2 * SLOPES, row2)
+            store(space, at + 3 * SLOPES, row3)
 
 
 @inlined
 def gradient_row(
-    image,
-    image_at,
-    target,
-    target_at,
-    unit,
-    width,
-    left,
-    right,
-    begin,
-    end,
-    slopes,
-    space,
-    ssim_weight,
-    l1_weight,
-    gradient,
-):
+    image, image_at, target, target_at, unit, width, left, right, begin, end, slopes, space, ssim_weight, l1_weight, gradient
+):  # fmt: skip
     """Write one row of the gradient, zero but from `begin` to `end`, where the derivatives were blurred across; give the row's L1."""
     nothing = zeros()
     l1 = nothing
@@ -206,24 +200,8 @@ def gradient_row(
 
 @njit(cache=True, nogil=True)
 def compare_strip(
-    image,
-    image_at,
-    target,
-    target_at,
-    pitch,
-    unit,
-    height,
-    width,
-    left,
-    right,
-    ssim_weight,
-    l1_weight,
-    gradient,
-    space,
-    spans,
-    lost,
-    l1,
-):
+    image, image_at, target, target_at, pitch, unit, height, width, left, right, ssim_weight, l1_weight, gradient, space, spans, lost, l1
+):  # fmt: skip
     """Compare a strip of columns, and write the gradient of `l1_weight sum|x - y| + ssim_weight sum SSIM`.
 
     Args:
@@ -269,21 +247,14 @@ def compare_strip(
     for group in range(groups):
         begin, end = around(low, high, group + 2 * REACH)
         begin, end = max(begin - LANES, 0), min(end, right - left)
-        if begin >= end:
+        if begin < end:
+            blur_slopes(space, group, begin, min(end + LANES, WINDOWS))
+        else:
             begin, end = 0, 0
-        slopes = AT_SLOPES + ((group + REACH) * GROUP - RADIUS) * SLOPES
-        for t in range(begin, min(end + LANES, WINDOWS) if begin < end else 0, LANES):
-            for part in range(3):
-                at = AT_BLURRED + part * WINDOWS + t
-                s0, s1, s2, s3 = blur_across(space, slopes + part * WINDOWS + t, SLOPES)
-                store(space, at, s0)
-                store(space, at + SLOPES, s1)
-                store(space, at + 2 * SLOPES, s2)
-                store(space, at + 3 * SLOPES, s3)
         for row in range(min(height - GROUP * group, GROUP)):
             y = GROUP * group + row
             a, b, blur = image_at + y * width, target_at + y * pitch, AT_BLURRED + row * SLOPES
             total = gradient_row(
                 image, a, target, b, unit, width, left, right, begin, end, blur, space, ssim_weight, l1_weight, gradient
-            )
+            )  # fmt: skip
             l1[y] = number(sums((total,)), 0)
