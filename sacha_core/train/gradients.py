@@ -15,8 +15,7 @@ from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import Frame
 from sacha_core.raster.splats import SplatGradients, Splats
 from sacha_core.train.faults import LARGEST_GRADIENT
-from sacha_core.train.kernels.carry_backward import carry_backward
-from sacha_core.train.kernels.settle import note_view, penalise, sound, through_sigmoids
+from sacha_core.train.kernels.settle import note_view, settle
 from sacha_core.train.options import LossOptions
 from sacha_core.train.rig import Rig
 from sacha_core.train.state import Arrays, TrainState
@@ -84,10 +83,9 @@ class GaussianGradients:
 
     def __init__(self, losses: LossOptions, rig: Rig, pool: Pool, with_mesh: bool) -> None:
         self._rig, self._pool, self._with_mesh = rig, pool, with_mesh
-        numbers = (losses.position_limit, losses.scale_limit, losses.position, losses.scale)
-        self._limits_and_weights = tuple(np.float32(number) for number in numbers)
+        self._limits = np.array([losses.position_limit, losses.scale_limit, losses.position, losses.scale], np.float32)
         self._buffers = Buffers()
-        self._jobs = block_bounds(CHUNKS, 1, 2 * pool.threads)
+        self._jobs = block_bounds(CHUNKS, 1, pool.threads)
         self._binding = np.empty(0, np.int32)
         self.penalties = (0.0, 0.0)
 
@@ -108,7 +106,7 @@ class GaussianGradients:
         self.colours: list[ViewColours] = []
         self.lengths, self._shares = self._space("lengths", n, 1), self._space("shares", n, 1)
         self.seen = self._space("seen", n, 1, np.int32)
-        self._sums, self._sound = np.zeros((CHUNKS, 2)), [True] * (len(self._jobs) - 1)
+        self._penalties, self._sound = np.zeros((CHUNKS, 2)), [True] * (len(self._jobs) - 1)
 
     def add_view(self, frame: Frame, slopes: SplatGradients, width: int, height: int, degree: int) -> None:
         """Add a view: gradients of its share of the loss. With the last, all that `begin` promised is there.
@@ -130,14 +128,13 @@ class GaussianGradients:
 
         def job(_: int, k: int) -> None:
             start, stop = chunks.rows[jobs[k]], chunks.rows[jobs[k + 1]]
-            rows = slice(start, stop)
-            if view == 0:
-                self.lengths[rows], self.seen[rows], self._shares[rows] = 0, 0, 0
             self._colours_backward(start, stop, degree, slopes, cut)
             note_view(
-                start, stop, frame.bins.span, slopes.means_2d, *half_sides, part, self._shares, self.seen, self.lengths
-            )
+                start, stop, view == 0, frame.bins.span, slopes.means_2d, *half_sides, part, cut, np.float32(BASIS[0]),
+                self._shares, self.seen, self.lengths, self.by_name["sh_dc"],
+            )  # fmt: skip
             if views > 1:
+                rows = slice(start, stop)
                 for name, slope in of_slopes(slopes).items():
                     totals[name][rows] = slope[rows] if view == 0 else totals[name][rows] + slope[rows]
             if view == views - 1:
@@ -145,7 +142,7 @@ class GaussianGradients:
 
         self._pool.run(job, len(jobs) - 1)
         if view == views - 1:
-            strayed, swollen = self._sums.sum(axis=0)
+            strayed, swollen = self._penalties.sum(axis=0)
             self.penalties = float(strayed), float(swollen)
 
     def fault(self) -> tuple[str, int] | None:
@@ -168,32 +165,16 @@ class GaussianGradients:
 
     def _settle(self, k: int, totals: Arrays) -> None:
         """Go from the world to the attributes of the Gaussians of a job, and to the corners of their triangles."""
-        chunks, state, pose, splats, out = self._chunks, self._state, self._pose, self._splats, self.by_name
-        first, last = self._jobs[k], self._jobs[k + 1]
-        start, stop = chunks.rows[first], chunks.rows[last]
+        chunks, state, pose, splats, by = self._chunks, self._state, self._pose, self._splats, totals.values()
         frames, values = pose.frames, state.values
-        carry_backward(
-            chunks.faces[first], chunks.faces[last], chunks.first_row, self.seen,
-            values["quaternion"], splats.means, splats.scales, splats.quaternions,
-            totals["means"], totals["scales"], totals["quaternions"], pose.vertices, self._rig.faces,
-            frames.rotation, frames.scale, frames.origin, self._with_mesh,
-            out["position"], out["log_scale"], out["quaternion"], self._rig.g_corners,
+        self._sound[k] = settle(
+            self._jobs[k], self._jobs[k + 1], chunks.faces, chunks.rows, chunks.first_row,
+            values["position"], values["quaternion"], state.binding,
+            splats.means, splats.scales, splats.quaternions, splats.opacities, splats.colours, *by,
+            pose.vertices, self._rig.faces, frames.rotation, frames.scale, frames.origin, self._with_mesh,
+            self._shares, self.seen, self._limits, np.float32(LARGEST_GRADIENT), *self.by_name.values(), self._rig.g_corners,
+            self._penalties,
         )  # fmt: skip
-        penalise(
-            first, last, chunks.rows, values["position"], splats.scales, frames.scale, state.binding, self._shares,
-            *self._limits_and_weights, out["position"], out["log_scale"], self._sums,
-        )  # fmt: skip
-        through_sigmoids(
-            start, stop, splats.opacities, totals["opacities"], out["opacity_logit"], splats.colours[:, 3], totals["sensitivities"],
-            out["sensitivity_logit"],
-        )  # fmt: skip
-        out["sh_dc"][start:stop] = self.colours[0].cut[start:stop]
-        for view in self.colours[1:]:
-            out["sh_dc"][start:stop] += view.cut[start:stop]
-        out["sh_dc"][start:stop] *= np.float32(BASIS[0])
-        self._sound[k] = all(
-            sound(array[start:stop].reshape(-1), np.float32(LARGEST_GRADIENT)) for array in out.values()
-        )
 
     def _colours_backward(self, start: int, stop: int, degree: int, slopes: SplatGradients, cut: np.ndarray) -> None:
         values, centre, rows = self._state.values, self.colours[-1].centre, slice(start, stop)

@@ -46,16 +46,15 @@ def skin_backward(
         for j in range(weights.shape[1]):
             weight = weights[v, j]
             if weight != 0:
-                a = transforms[j]
                 wx, wy, wz = weight * gx, weight * gy, weight * gz
-                px += a[0, 0] * wx + a[1, 0] * wy + a[2, 0] * wz
-                py += a[0, 1] * wx + a[1, 1] * wy + a[2, 1] * wz
-                pz += a[0, 2] * wx + a[1, 2] * wy + a[2, 2] * wz
-                g = g_transforms[j]
-                g[0, 0], g[0, 1], g[0, 2] = g[0, 0] + wx * ux, g[0, 1] + wx * uy, g[0, 2] + wx * uz
-                g[1, 0], g[1, 1], g[1, 2] = g[1, 0] + wy * ux, g[1, 1] + wy * uy, g[1, 2] + wy * uz
-                g[2, 0], g[2, 1], g[2, 2] = g[2, 0] + wz * ux, g[2, 1] + wz * uy, g[2, 2] + wz * uz
-                g[0, 3], g[1, 3], g[2, 3] = g[0, 3] + wx, g[1, 3] + wy, g[2, 3] + wz
+                px += transforms[j, 0, 0] * wx + transforms[j, 1, 0] * wy + transforms[j, 2, 0] * wz
+                py += transforms[j, 0, 1] * wx + transforms[j, 1, 1] * wy + transforms[j, 2, 1] * wz
+                pz += transforms[j, 0, 2] * wx + transforms[j, 1, 2] * wy + transforms[j, 2, 2] * wz
+                for i, g in enumerate((wx, wy, wz)):
+                    g_transforms[j, i, 0] += g * ux
+                    g_transforms[j, i, 1] += g * uy
+                    g_transforms[j, i, 2] += g * uz
+                    g_transforms[j, i, 3] += g
         at = 3 * (v - start)
         g_unposed[at], g_unposed[at + 1], g_unposed[at + 2] = px, py, pz
         g_translation[0] += gx
