@@ -6,6 +6,7 @@ import copy
 
 import numpy as np
 import pytest
+import torch
 from cuda_scenes import DEGREE
 
 from sacha_core.stopwatch import Stopwatch
@@ -162,30 +163,33 @@ def test_attributes_that_are_void_wait_and_the_others_go_on(stage, state, engine
         assert same(results[0].values[name], expected, LOSSES), name
 
 
-def test_gaussians_may_come_and_go_between_the_halves_of_an_iteration(stage, state) -> None:
+def test_gaussians_may_come_and_go_between_the_halves_of_an_iteration(stage, state, engines) -> None:
     """As after densification: of the gradients kept only those of the motion are good."""
-    engine = stage.engine()
-    engine.put(copy.deepcopy(state))
-    engine.differentiate(1, chosen(stage), DEGREE)
-    taken = engine.take()
-    rows = np.arange(len(taken) - 5)
-    for arrays in (taken.values, taken.first, taken.second):
-        arrays |= {name: arrays[name][rows].copy() for name in ATTRIBUTES}
-    taken.binding, taken.gradient_sum, taken.gradient_count = (
-        array[rows].copy() for array in (taken.binding, taken.gradient_sum, taken.gradient_count)
-    )
-    before = copy.deepcopy(taken)
-    engine.put(taken)
-    engine.advance(RATES, frozenset(ATTRIBUTES))
-    after = engine.take()
-    assert after.steps == {"gaussians": 20, "motion": 31}
-    for name in ATTRIBUTES:
-        assert np.array_equal(after.values[name], before.values[name]), name
-    timestep = stage.targets[0].timestep
-    assert all((after.values[name][timestep] != before.values[name][timestep]).any() for name in FITTED_MOTION)
-    engine.differentiate(2, chosen(stage), DEGREE)
-    engine.advance(RATES, NOTHING)
-    assert engine.take().steps == {"gaussians": 21, "motion": 32}
+    ends = []
+    for engine in engines():
+        engine.put(copy.deepcopy(state))
+        engine.differentiate(1, chosen(stage), DEGREE)
+        taken = engine.take()
+        rows = np.arange(len(taken) - 5)
+        for arrays in (taken.values, taken.first, taken.second):
+            arrays |= {name: arrays[name][rows].copy() for name in ATTRIBUTES}
+        taken.binding, taken.gradient_sum, taken.gradient_count = (
+            array[rows].copy() for array in (taken.binding, taken.gradient_sum, taken.gradient_count)
+        )
+        before = copy.deepcopy(taken)
+        engine.put(taken)
+        engine.advance(RATES, frozenset(ATTRIBUTES))
+        after = copy.deepcopy(engine.take())
+        assert after.steps == {"gaussians": 20, "motion": 31}
+        for name in ATTRIBUTES:
+            assert np.array_equal(after.values[name], before.values[name]), name
+        engine.differentiate(2, chosen(stage), DEGREE)
+        engine.advance(RATES, NOTHING)
+        assert engine.take().steps == {"gaussians": 21, "motion": 32}
+        ends.append(after)
+    for name in FITTED_MOTION:
+        assert same(ends[0].first[name], ends[1].first[name], GRADIENTS), name
+        assert same(ends[0].values[name], ends[1].values[name], LOSSES), name
 
 
 SPOILT = {
@@ -213,6 +217,20 @@ def test_a_fault_is_named_and_changes_nothing(stage, state, case) -> None:
     assert np.array_equal(taken.gradient_sum, state.gradient_sum)
     assert np.array_equal(taken.gradient_count, state.gradient_count)
     assert engine.losses() == {}
+
+
+def test_a_pose_without_area_leaves_scales_and_shows_nothing(stage, state, monkeypatch) -> None:
+    """Only one triangle may have lost its area, and all else look as ever."""
+    engine = stage.engine()
+    engine.put(copy.deepcopy(state))
+    engine.differentiate(1, chosen(stage), DEGREE)
+    before, place = engine.triangle_scale, engine._scene.place
+    assert engine.weights(chosen(stage), DEGREE).any()
+    monkeypatch.setattr(engine._scene, "place", lambda *given: (*place(*given)[:2], torch.tensor(False)))
+    engine.differentiate(2, chosen(stage, (4,)), DEGREE)
+    assert np.array_equal(engine.triangle_scale, before)
+    assert engine.take().faults == Faults(1, Fault(2, "pose", 2))
+    assert not engine.weights(chosen(stage), DEGREE).any()
 
 
 def test_after_a_fault_training_goes_on(stage, state) -> None:

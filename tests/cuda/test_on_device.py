@@ -9,7 +9,7 @@ import copy
 import importlib
 import os
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gsplat_stand_in
@@ -20,6 +20,7 @@ from cuda_scenes import DEGREE
 
 from sacha_core.bench import exact
 from sacha_core.raster.camera import Camera
+from sacha_core.raster.rasteriser import NEAR
 from sacha_core.raster.splats import Splats
 from sacha_core.train.cpu_engine import CpuEngine
 from sacha_core.train.cuda.available import missing
@@ -139,6 +140,20 @@ def test_a_picture_is_the_exact_one_but_for_decisions_at_a_threshold(place, seed
     assert error[held].max(initial=0) < 1 - exact.ALPHA_MAX
     assert band.mean() < FLIPS
     assert held.any() == opaque
+
+
+def test_what_is_too_close_is_not_drawn(place) -> None:
+    scene, view = splats(0), camera()
+    ahead = (0.9 * NEAR * view.rotation[2] + view.centre).astype(np.float32)
+    images = []
+    for opacity in (0.0, 0.9):
+        near = replace(scene, means=scene.means.copy(), opacities=scene.opacities.copy())
+        near.means[0], near.opacities[0] = ahead, opacity
+        world, colours = world_of(near, place.device)
+        drawer = Drawer(place.gsplat, torch.device(place.device))
+        images.append(drawer.draw(world, colours[None], cameras_of(view, place.device)))
+    assert torch.equal(images[0].image, images[1].image)
+    assert not images[1].visible[0, 0]
 
 
 @pytest.mark.parametrize("seed", range(3))

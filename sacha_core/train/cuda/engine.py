@@ -176,7 +176,7 @@ class CudaEngine:
     @property
     def triangle_scale(self) -> Float[np.ndarray, " f"]:
         """Metres a local unit, of each triangle, in the pose of the last `differentiate` that could pose; waits for the device."""
-        scale: np.ndarray = self._triangle_scale.cpu().numpy()
+        scale: np.ndarray = self._triangle_scale.clone().cpu().numpy()
         return scale
 
     def _stage(self, name: str) -> AbstractContextManager[None]:
@@ -202,8 +202,7 @@ class CudaEngine:
         lengths = []
         for drawing, batch, gradient in zip(drawings, batches, gradients, strict=True):
             slope: Tensor = drawing.means_2d.absgrad if self._absolute else gradient  # type: ignore[attr-defined]
-            size = (batch.cameras.width, batch.cameras.height)
-            lengths.append(gradient_lengths(slope, drawing.visible, *size, views))
+            lengths.append(gradient_lengths(slope, batch.cameras.width, batch.cameras.height, views))
         return torch.stack(lengths).sum(0)
 
     def _account(
