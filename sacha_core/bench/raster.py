@@ -22,6 +22,7 @@ from sacha_core.raster.camera import Camera
 from sacha_core.raster.pool import available_threads
 from sacha_core.raster.rasteriser import Frame, Rasteriser
 from sacha_core.raster.splats import Splats
+from sacha_core.stopwatch import Stopwatch
 
 __all__ = ["TITLE", "Drawing", "measure"]
 
@@ -48,8 +49,14 @@ IDENTITY = ("n", "width", "height", "channels", "threads")
 SIZES = Table(
     "sizes", "Gaussians on a shell of a head's size, by number, resolution, channels and threads.", (*SCENE, *MEASURES), IDENTITY
 )  # fmt: skip
-GAUSSIANS = Table("gaussians", "The same from a thousand Gaussians to a million.", (*SCENE, *MEASURES), IDENTITY)
+GAUSSIANS = Table("gaussians", "From a thousand Gaussians to a million.", (*SCENE, *MEASURES), IDENTITY)
 GROWTH = growth_table("Gaussians")
+STAGES = Table(
+    "stages",
+    "Where that time goes: milliseconds that the caller waits, means.",
+    (Column("stage", "stage"), *SCENE, Column("stage_ms", "ms")),
+    ("stage", *IDENTITY),
+)
 PEERS = Table(
     "peers",
     "Against the same picture and gradient by plain float32 torch, tile after tile.",
@@ -77,11 +84,11 @@ class Drawing:
     frame: Frame | None = None
 
     @classmethod
-    def of(cls, splats: Splats, camera: Camera, threads: int) -> Drawing:
+    def of(cls, splats: Splats, camera: Camera, threads: int, stopwatch: Stopwatch | None = None) -> Drawing:
         """Make the configuration."""
         shape = (splats.channels, camera.height, camera.width)
         upstream = np.random.default_rng(0).normal(size=shape).astype(np.float32)
-        return cls(splats, camera, Rasteriser(threads), upstream)
+        return cls(splats, camera, Rasteriser(threads, stopwatch=stopwatch), upstream)
 
     @property
     def background(self) -> Float[np.ndarray, " c"]:
@@ -116,20 +123,15 @@ class Drawing:
 def measure(preset: Preset, report: Report) -> Bench:
     """Measure the grid of sizes, growth, the options, and a plain peer where torch is there to be one."""
     most = preset.threads or available_threads()
-    parts = ("sizes", "gaussians", "options", "peers")
-
-    def told(done: int) -> None:
+    parts = (sizes, stages, gaussians, option_rows, peers)
+    rows: list[Row] = []
+    for done, part in enumerate(parts):
         report(Progress("bench raster", done, len(parts)))
-
-    rows = sizes(preset, most)
-    told(1)
-    rows += gaussians(preset, most)
-    told(2)
-    rows += option_rows(preset, most)
-    told(3)
-    rows += peers(preset, most)
-    told(4)
-    return Bench(rows, (SIZES, OPTIONS, GAUSSIANS, GROWTH, PEERS), panels(most), notes(rows))
+        rows += part(preset, most)
+    report(Progress("bench raster", len(parts), len(parts)))
+    more = [row for row in rows if row["table"] in {STAGES.name, GROWTH.name}]
+    tables = (SIZES, STAGES, OPTIONS, GAUSSIANS, GROWTH, PEERS)
+    return Bench([row for row in rows if row not in more], tables, panels(most), notes(rows), more=more)
 
 
 def sizes(preset: Preset, most: int) -> list[Row]:
@@ -145,6 +147,28 @@ def sizes(preset: Preset, most: int) -> list[Row]:
         Drawing.of(shells[n, c], front_camera(*size), t) for n, size, c, t in product(counts, resolutions, channels, threads)
     ]  # fmt: skip
     return timed("sizes", drawings, preset, rounds=preset.of(3, 11, 25), patches=preset.of(4, 24, 64))
+
+
+def stages(preset: Preset, most: int) -> list[Row]:
+    """Take a forward and a backward pass apart."""
+    n, size = preset.of((500, (40, 60)), (50_000, MIDDLE), (50_000, MIDDLE))
+    times = preset.of(2, 40, 100)
+    rows: list[Row] = []
+    for threads in sorted({1, most}):
+        watch = Stopwatch()
+        drawing = Drawing.of(head_shell(n), front_camera(*size), threads, watch)
+        for k in range(times + 1):
+            if k == 1:  # compiled, and memory touched
+                watch.seconds.clear()
+            drawing.forward()
+            drawing.backward()
+        about = drawing.about()
+        rows += [
+            {"table": "stages", "stage": stage, **about, "of": f"{about['scene']}, {threads} thread" + "s" * (threads > 1),
+             "stage_ms": 1000 * seconds / times}
+            for stage, seconds in watch.seconds.items()
+        ]  # fmt: skip
+    return rows
 
 
 def gaussians(preset: Preset, most: int) -> list[Row]:
@@ -227,7 +251,7 @@ def panels(most: int) -> tuple[Panel, ...]:
         Panel("By Gaussians and resolution", "sizes", "total_ms", "max_error", both, error, series="scene", joined=False),
         Panel(f"Growth, {width} x {height}, {most} threads", "gaussians", "n",
               {"forward_ms": "forward", "backward_ms": "backward"}, "Gaussians", "ms", growth=True),
-        Panel("Against plain torch", "peers", "total_ms", "max_error", both, error, label="by", joined=False),
+        Panel("Where the time goes", "stages", "stage_ms", "stage", "ms", "", series="of", log_x=False, log_y=False, bars=True),
     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from sacha_core.bench.result import Column, Row, Table
 from sacha_core.bench.scenes import front_camera, made_avatar
 from sacha_core.flame.posing import pose_vertices
 from sacha_core.geometry.triangle import triangle_frames
+from sacha_core.raster.bounds import image_bounds
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.harmonics import sh_colours
 from sacha_core.raster.pool import Pool
@@ -94,7 +95,8 @@ class Option:
     corner: tuple[int, int] = field(init=False, default=(0, 0))
 
     def __post_init__(self) -> None:
-        self.rasteriser, self.pool = Rasteriser(self.threads), Pool(self.threads)
+        self.pool = Pool(self.threads)
+        self.rasteriser = Rasteriser(pool=self.pool)
         camera = self.scene.camera
         self.colours = self.scene.splats.colours[:, : self.channels].copy()
         if self.degree is None:
@@ -111,7 +113,8 @@ class Option:
         """Draw, finding the rectangle first where that depends on the avatar."""
         camera, splats = self.scene.camera, replace(self.scene.splats, colours=self.colours)
         if self.crop == "avatar":
-            box = self.rasteriser.bounds(splats, camera)
+            found = image_bounds(splats.means, splats.scales, splats.opacities, camera, pool=self.pool)
+            box = found or (0, 0, camera.width, camera.height)
         elif self.crop == "square":
             side = min(DIRTY_PIXELS, camera.width, camera.height)
             box = ((camera.width - side) // 2, (camera.height - side) // 2, side, side)

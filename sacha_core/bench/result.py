@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 __all__ = ["Bench", "Column", "Panel", "Row", "Table"]
@@ -94,6 +94,7 @@ class Bench:
         panels: of its picture; none for a bench without one.
         notes: what a reader has to know, a sentence or two each.
         broken: names of what must hold and does not; the command then ends with exit status 1.
+        more: rows of another kind than `rows`, for a bench whose `rows` all have the same keys.
     """
 
     rows: list[Row]
@@ -101,12 +102,15 @@ class Bench:
     panels: tuple[Panel, ...] = ()
     notes: tuple[str, ...] = ()
     broken: tuple[str, ...] = ()
+    more: list[Row] = field(default_factory=list)
 
     def of(self, table: Table | Panel) -> list[Row]:
         """Give the rows of a table, or those that a panel shows."""
         if isinstance(table, Table):
-            return [row for row in self.rows if row["table"] == table.name]
-        shown = [row for row in self.rows if row["table"] == table.table and row.get(table.x) is not None]
+            return [row for row in (*self.rows, *self.more) if row["table"] == table.name]
+        shown = [
+            row for row in (*self.rows, *self.more) if row["table"] == table.table and row.get(table.x) is not None
+        ]
         return [row for row in shown if any(row.get(key) is not None for key in table.ordinates)]
 
     def record(self) -> dict[str, Any]:
@@ -130,4 +134,5 @@ class Bench:
             tuple(Panel(**p) for p in record["panels"]),
             tuple(record["notes"]),
             tuple(record["broken"]),
+            record["more"],
         )

@@ -20,8 +20,9 @@ from sacha_core.bench.trial import DEGREE, Trial, made_trial
 from sacha_core.flame.posing import Poser
 from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.progress import Progress, Report
+from sacha_core.raster.bounds import image_bounds
 from sacha_core.raster.harmonics import sh_colours
-from sacha_core.raster.pool import available_threads
+from sacha_core.raster.pool import Pool, available_threads
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.splats import Splats
 from sacha_core.stopwatch import Stopwatch
@@ -108,7 +109,8 @@ def turns(trial: Trial, threads: int) -> tuple[Callable[[], None], Callable[[], 
         training draws.
     """
     engine = opened(trial, threads)
-    rasterisers = Rasteriser(threads), Rasteriser(threads)
+    pool = Pool(threads)
+    rasterisers = Rasteriser(pool=pool), Rasteriser(pool=pool)
     splats = [splats_of(trial, k) for k in range(len(trial.targets))]
     height, width = trial.targets[0].sensitivity.shape
     upstream = np.random.default_rng(0).normal(size=(4, height, width)).astype(np.float32)
@@ -123,7 +125,9 @@ def turns(trial: Trial, threads: int) -> tuple[Callable[[], None], Callable[[], 
 
     def cropped(turn: Iterator[int]) -> None:
         k = next(turn) % len(splats)
-        draw(rasterisers[1], k, rasterisers[1].bounds(splats[k], trial.targets[k].camera, MARGIN))
+        some, camera = splats[k], trial.targets[k].camera
+        box = image_bounds(some.means, some.scales, some.opacities, camera, margin=MARGIN, pool=pool)
+        draw(rasterisers[1], k, box or (0, 0, width, height))
 
     def iteration(turn: Iterator[int]) -> None:
         trial.step(engine, next(turn))
