@@ -54,8 +54,13 @@ def load(name: str) -> BenchModule:
     """Give the module of a bench.
 
     Raises:
-        OptionError: there is no such bench.
+        OptionError: there is no such bench, or a package is missing that it compares with.
     """
     if name not in BENCHES:
         raise OptionError(f"there is no bench {name!r}; expected one of {', '.join(BENCHES)}")
-    return cast("BenchModule", importlib.import_module(f"{__package__}.{BENCHES[name].module}"))
+    try:
+        return cast("BenchModule", importlib.import_module(f"{__package__}.{BENCHES[name].module}"))
+    except ModuleNotFoundError as error:
+        if error.name != "torch":
+            raise
+        raise OptionError(f"bench {name} needs the package torch: pip install 'sacha[bench]'") from error

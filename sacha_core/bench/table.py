@@ -8,7 +8,7 @@ from typing import Any
 
 from sacha_core.bench.result import Column, Row, Table
 
-__all__ = ["cell", "cells", "heading", "markdown"]
+__all__ = ["cell", "cells", "heading", "markdown", "words"]
 
 DIGITS = 3
 SMALLEST_PLAIN = 1e-3  # below, powers of ten read better than zeros
@@ -55,12 +55,17 @@ def heading(table: Table, rows: Sequence[Row]) -> str:
 def markdown(table: Table, rows: Sequence[Row]) -> str:
     """Set a table in Markdown: its heading, and figures to the right."""
     titles, lines = cells(table, rows)
-    right = [all(_is_figure(line[i]) for line in lines) for i in range(len(titles))]
-    rule = ["---:" if figures else "---" for figures in right]
+    left = words(lines)
+    rule = ["---" if i in left else "---:" for i in range(len(titles))]
     body = "\n".join(
         "| " + " | ".join(text.replace("|", "\\|") for text in line) + " |" for line in (titles, rule, *lines)
     )
     return f"{heading(table, rows)}\n\n{body}\n"
+
+
+def words(lines: Sequence[Sequence[str]]) -> set[int]:
+    """Give the columns in which a cell holds something else than a figure."""
+    return {i for line in lines for i, text in enumerate(line) if not _is_figure(text)}
 
 
 def _shared(table: Table, rows: Sequence[Row]) -> list[tuple[Column, str]]:

@@ -176,12 +176,13 @@ def tell(record: Record, console: Console) -> None:
 
 def tell_tables(bench: Bench, console: Console) -> None:
     """Say tables that have rows, and notes."""
-    from sacha_core.bench.table import cells, heading
+    from sacha_core.bench.table import cells, heading, words
 
     for one in bench.tables:
         if rows := bench.of(one):
             console.say(f"{heading(one, rows)}\n")
-            console.say(table(*cells(one, rows)) + "\n")
+            titles, lines = cells(one, rows)
+            console.say(table(titles, lines, words(lines)) + "\n")
     for note in bench.notes:
         console.say(f"- {note}")
 
@@ -221,11 +222,12 @@ def run_all(options: Options, console: Console) -> dict[str, Any]:
 def not_run(name: str, chosen: Preset, why: str) -> Record:
     """Give the record of a bench that cannot run here."""
     from sacha_core.bench.machine import describe
-    from sacha_core.bench.registry import load
+    from sacha_core.bench.registry import BENCHES
     from sacha_core.bench.result import Bench
     from sacha_core.bench.store import Record
 
-    return Record(name, load(name).TITLE, chosen.extent, 0.0, describe(), Bench([], (), notes=(f"Not run: {why}.",)))
+    title = BENCHES[name].summary.rstrip(".")  # its module may need what is missing
+    return Record(name, title, chosen.extent, 0.0, describe(), Bench([], (), notes=(f"Not run: {why}.",)))
 
 
 def compare(options: Options, console: Console) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal
@@ -72,20 +72,19 @@ def kilobytes(n_bytes: int) -> str:
     return f"{n_bytes / 1000:,.1f} KB"
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: int | None = None) -> str:
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], words: Collection[int] = (0,)) -> str:
     """Set a table in plain text.
 
     Args:
         head: column titles.
         rows: cells, as many in each row as there are titles.
-        numbers: how many columns hold names and figures, of which all but the first are right-aligned; all by default.
+        words: columns that are left-aligned, as figures are not.
     """
     lines = [list(head), *map(list, rows)]
-    figures = len(head) if numbers is None else numbers
     widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
     set_lines = [
         "  ".join(
-            cell.rjust(width) if 0 < i < figures else cell.ljust(width)
+            cell.ljust(width) if i in words else cell.rjust(width)
             for i, (cell, width) in enumerate(zip(line, widths, strict=True))
         )
         for line in lines

@@ -95,7 +95,7 @@ def check_installation(console: Console) -> dict[str, Any]:
         (package, found or "missing", use)
         for (package, use), found in zip(PACKAGES.items(), versions.values(), strict=True)
     ]
-    console.say(table(("package", "version", "needed for"), rows, numbers=0))
+    console.say(table(("package", "version", "needed for"), rows, words=range(3)))
     console.say(f"\nheads        {len(heads)} in {shelf}")
     absent = [package for package in list(PACKAGES)[:REQUIRED] if versions[package] is None]
     if absent:

@@ -117,7 +117,7 @@ def describe(file: Path, found: Inspection) -> str:
         + ("inside the file" if found.head_bytes else f"not inside (sha256 {found.head.sha256[:12]})"),
         f"bytes        {sums}, head {kilobytes(found.head_bytes)}",
         "",
-        table(("section", "bytes", "share", "each", ""), rows, numbers=4),
+        table(("section", "bytes", "share", "each", ""), rows, words=(0, 4)),
     ]
     return "\n".join(lines)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 
 import pytest
 
@@ -12,6 +13,7 @@ from sacha_core.bench.preset import Preset
 from sacha_core.bench.registry import BENCHES, load
 from sacha_core.bench.result import Bench
 from sacha_core.bench.store import Record, plain, section
+from sacha_core.errors import OptionError
 from sacha_core.progress import silent
 
 RASTER_KEYS = {"n", "height", "width", "channels", "threads", "forward_ms", "backward_ms", "total_ms", "max_error"}
@@ -25,6 +27,24 @@ def found(name: str) -> Bench:
     if name not in _found:
         _found[name] = load(name).measure(Preset("tiny", threads=2), silent)
     return _found[name]
+
+
+@pytest.mark.parametrize("name", BENCHES)
+def test_every_bench_has_a_title_and_says_what_it_measures(name: str) -> None:
+    assert load(name).TITLE
+    assert BENCHES[name].summary.endswith(".")
+
+
+def test_a_bench_without_its_package_says_what_to_install(monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "sacha_core.bench.raster", None)
+    with pytest.raises(ModuleNotFoundError, match="raster"):  # not for want of a package
+        load("raster")
+    monkeypatch.delitem(sys.modules, "sacha_core.bench.raster")
+    monkeypatch.delitem(sys.modules, "sacha_core.bench.exact", raising=False)
+    monkeypatch.delitem(sys.modules, "sacha_core.bench.picture_error", raising=False)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(OptionError, match=r"bench raster needs the package torch: pip install 'sacha\[bench\]'"):
+        load("raster")
 
 
 @pytest.mark.parametrize("name", MEASURED)

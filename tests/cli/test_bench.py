@@ -34,7 +34,7 @@ def benches(monkeypatch) -> dict[str, SimpleNamespace]:
         "stability": SimpleNamespace(TITLE="Cases", measure=cases()),
         "cuda": SimpleNamespace(TITLE="Device", measure=device),
     }
-    places = {name: Place(name, name, drawn=name == "raster") for name in made}
+    places = {name: Place(name, f"Summary of {name}.", drawn=name == "raster") for name in made}
     monkeypatch.setattr(registry, "BENCHES", places)
     monkeypatch.setattr(registry, "load", made.__getitem__)
     return made
@@ -51,7 +51,7 @@ def test_a_bench_prints_its_tables_and_writes_report_and_picture(call, benches, 
     done = call("bench", "raster", "--quick", "--threads", 2, "--plot", tmp_path / "p.png")
     assert done.status == 0, done.err
     assert (
-        "How long it takes.\n\nGaussians  time, ms\n---------  --------\n1              1.00\n10             10.0\n\n- Note."
+        "How long it takes.\n\nGaussians  time, ms\n---------  --------\n        1      1.00\n       10      10.0\n\n- Note."
         in done.out
     )
     assert done.report["command"] == "bench"
@@ -70,7 +70,7 @@ def test_all_go_into_a_folder_but_what_cannot_run_here(call, benches, tmp_path: 
     }  # fmt: skip
     assert done.report["left_out"] == {"cuda": "no device was found"}
     assert "cuda       not run: no device was found\n" in done.out
-    assert "## Device\n\n- Not run: no device was found.\n" in (tmp_path / "out" / "index.md").read_text()
+    assert "## Summary of cuda\n\n- Not run: no device was found.\n" in (tmp_path / "out" / "index.md").read_text()
 
 
 def test_what_does_not_hold_is_named_and_ends_with_status_1(call, benches, tmp_path: Path) -> None:
