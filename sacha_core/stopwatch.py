@@ -15,24 +15,38 @@ Timer = Callable[
 
 
 class Stopwatch:
-    """Adds up the seconds that stages take; stages inside one another both count.
+    """Adds up the seconds that stages take, each without the stages inside it. For one thread.
 
     Attributes:
         seconds: by stage, in the order in which they first began.
+        counts: how often each was measured.
     """
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
+        self.counts: dict[str, int] = {}
+        self._running: list[str] = []
+        self._since = 0.0
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
         """Measure the time spent inside."""
         self.seconds.setdefault(stage, 0.0)
-        start = time.perf_counter()
+        self.counts[stage] = self.counts.get(stage, 0) + 1
+        self._settle()
+        self._running.append(stage)
         try:
             yield
         finally:
-            self.seconds[stage] += time.perf_counter() - start
+            self._settle()
+            self._running.pop()
+
+    def _settle(self) -> None:
+        """Give the time since the last change to the stage that was running."""
+        now = time.perf_counter()
+        if self._running:
+            self.seconds[self._running[-1]] += now - self._since
+        self._since = now
 
 
 def timed(watch: Timer | None, stage: str) -> AbstractContextManager[None]:

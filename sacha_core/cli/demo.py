@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,6 +12,7 @@ import tyro
 from sacha_core.cli.common import Common
 from sacha_core.cli.console import Console, table, write_report
 from sacha_core.cli.waiting import duration
+from sacha_core.stopwatch import Stopwatch
 
 if TYPE_CHECKING:
     from sacha_core.avatar.avatar import Avatar
@@ -60,20 +59,6 @@ class Options:
     common: Common = field(default_factory=Common)
 
 
-class Stopwatch:
-    """How long each stage took."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
-        """Measure the time spent inside."""
-        start = time.perf_counter()
-        yield
-        self.seconds[stage] = round(time.perf_counter() - start, 2)
-
-
 def run(options: Options, console: Console) -> dict[str, Any]:
     """Run every stage.
 
@@ -98,9 +83,10 @@ def run(options: Options, console: Console) -> dict[str, Any]:
             results[name] = judge.variant(name, avatar, options.out)
     with watch("picture"):
         Overview(capture, head, BASELINE, OURS, avatars, results).write(options.out / "overview.png")
+    seconds = watch.seconds | {"total": sum(watch.seconds.values())}
     report = {
         "variants": {name: result.to_json() for name, result in results.items()},
-        "seconds": watch.seconds | {"total": round(sum(watch.seconds.values()), 2)},
+        "seconds": {stage: round(value, 2) for stage, value in seconds.items()},
     }
     write_report(options.out / "report.json", report)
     tell(options, console, results, watch)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Optional
 
 import tyro
 
 from sacha_core.cli.common import Common, HeadSource, MaybeInt, PixelsOption, require_both_sides
-from sacha_core.cli.console import Console
+from sacha_core.cli.console import Console, table
 from sacha_core.cli.waiting import duration
 from sacha_core.errors import OptionError
+from sacha_core.stopwatch import Stopwatch
 
 if TYPE_CHECKING:
     from sacha_core.train.options import TrainOptions
@@ -66,6 +67,16 @@ class Options:
     threads: Annotated[MaybeInt, tyro.conf.arg(metavar="N", help_behavior_hint="(default: one for each core)")] = None
     """How many threads work."""
 
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """Where to compute: auto takes a CUDA device where there is one that gsplat can use, and the CPU elsewhere. A run that goes on
+    stays where it was, unless told otherwise."""
+
+    cameras_per_step: Annotated[int, tyro.conf.arg(metavar="N")] = 1
+    """How many views of one timestep a step learns from at once, at most."""
+
+    timings: bool = False
+    """Tell at the end where an iteration's time went."""
+
     restart: bool = False
     """Begin anew, even where the folder holds an interrupted run."""
 
@@ -93,8 +104,11 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         f"training     {len(capture.train):,} images of {len({view.timestep for view in capture.train})} timesteps, head {head.name!r}, "
         f"{chosen.schedule.iterations:,} iterations, variant {chosen.variant!r}"
     )
+    watch = Stopwatch() if options.timings else None
     start = time.perf_counter()
-    trained = train(capture, head, chosen, options.output, report=console.report, resume=not options.restart)
+    trained = train(
+        capture, head, chosen, options.output, report=console.report, resume=not options.restart, stopwatch=watch
+    )
     seconds = time.perf_counter() - start
     counts = region_counts(label_triangles(head, PAPER), trained.gaussians.binding)
     by_region = {name: int(count) for name, count in zip(PAPER.regions, counts, strict=True)}
@@ -103,6 +117,12 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         f"gaussians    {len(trained.gaussians):,}: "
         + ", ".join(f"{name} {count:,}" for name, count in by_region.items())
     )
+    if trained.faults.count:
+        console.say(f"faults       {trained.faults}")
+    stages = [] if watch is None else stage_times(watch)
+    if stages:
+        rows = [(row["stage"], f"{row['ms_per_iteration']:.3f}", f"{row['share']:.1%}") for row in stages]
+        console.say(f"\n{table(('stage', 'ms an iteration', 'share'), rows)}\n")
     console.hint(
         f"sacha evaluate {trained.folder} {options.dataset}",
         f"sacha encode {trained.folder} -o {trained.folder.with_suffix('.sacha')}",
@@ -115,8 +135,26 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         "n_gaussians": len(trained.gaussians),
         "per_region": by_region,
         "n_events": len(trained.events),
+        "faults": asdict(trained.faults),
+        "device": trained.device,
         "training_seconds": seconds,
+        "timings": stages,
     }
+
+
+def stage_times(watch: Stopwatch) -> list[dict[str, Any]]:
+    """Give where an iteration went, stage by stage, with the whole last; nothing where no iteration was measured."""
+    from sacha_core.train.loop import REST
+
+    count, whole = watch.counts.get(REST, 0), sum(watch.seconds.values())
+    if not count:
+        return []
+    seconds = {stage: value for stage, value in watch.seconds.items() if stage != REST}
+    seconds |= {REST: watch.seconds[REST], "all": whole}
+    return [
+        {"stage": stage, "ms_per_iteration": 1e3 * value / count, "share": value / whole}
+        for stage, value in seconds.items()
+    ]
 
 
 def train_options(options: Options) -> TrainOptions:
@@ -136,6 +174,8 @@ def train_options(options: Options) -> TrainOptions:
         sh_degree=options.sh_degree,
         width=options.width,
         height=options.height,
+        device=options.device,
+        cameras_per_step=options.cameras_per_step,
         threads=options.threads,
     )
     if options.preset is not None:

@@ -45,8 +45,9 @@ from sacha_core.train.scene import fingerprint, require_poses, scene_extent
 from sacha_core.train.state import ATTRIBUTES, TrainState, initial_state
 from sacha_core.train.views import Step, TrainingViews, decoded_ahead, epoch_steps, grouped, spread_views
 
-__all__ = ["train"]
+__all__ = ["REST", "train"]
 
+REST = "rest"  # stage of the stopwatch: of an iteration what is in no other
 REPORT_EVERY_S = 0.5
 
 
@@ -74,7 +75,7 @@ def train(
         report: told about progress.
         resume: whether to go on from a checkpoint in `out`; if not, the run begins anew, and what an earlier one left there goes.
         start_from: checkpoint of another run, not beyond its warm-up, to begin with: variants that differ only later share their warm-up.
-        stopwatch: told how long each stage of the iterations takes.
+        stopwatch: told how long each stage of the iterations takes, but for the first; one is named "rest".
 
     Returns:
         The model that was written to `out`.
@@ -146,7 +147,6 @@ class Run:
         self.options = replace(self.options, device=device)
         require_poses(self.capture, self.head)
         self.engine = open_engine(device, self.head, self.capture.motion, self.options)
-        self.engine.stopwatch = self.stopwatch
         if not goes_on:
             discard(self.folder)
         self.iteration = state.iteration
@@ -165,7 +165,10 @@ class Run:
         values: dict[str, float] = {}
         with closing(self.targets):
             while self.iteration < iterations:
-                self.iterate()
+                watch = self.engine.stopwatch = self.stopwatch if self.iteration > first else None  # the first compiles
+                with timed(watch, REST):
+                    self.iterate()
+                    self._save()
                 now_s, done = time.monotonic(), self.iteration
                 if now_s - told_s >= REPORT_EVERY_S or done == iterations:
                     told_s = now_s
@@ -174,22 +177,22 @@ class Run:
                     values["gaussians"] = float(self.n_gaussians)
                     values["iterations_per_s"] = (done - first) / max(now_s - begun_s, 1e-9)
                     self.report(Progress("train", done, iterations, dict(values)))
-                self._save()
         state = self._take()
         fitted = state.motion(self.capture.motion)
-        model = TrainedModel(self.folder, iterations, state.gaussians(), fitted, tuple(self.events), state.faults)
+        outcome = (state.gaussians(), fitted, tuple(self.events), state.faults, self.options.device)
+        model = TrainedModel(self.folder, iterations, *outcome)
         write_outcome(model)
         return model
 
     def iterate(self) -> None:
         """Do one iteration."""
         options = self.options
-        with timed(self.stopwatch, "wait for images"):
+        with timed(self.engine.stopwatch, "wait for images"):
             targets = next(self.targets)
         self.iteration += 1
         degree = min(options.sh_degree, self.iteration // options.schedule.sh_every)
         self.engine.differentiate(self.iteration, targets, degree)
-        with timed(self.stopwatch, "density control"):
+        with timed(self.engine.stopwatch, "density control"):
             void = self._control_density(degree)
         self.engine.advance(learning_rates(options.rates, options.schedule, self.iteration, self.extent), void)
 
@@ -272,8 +275,9 @@ class Run:
             CHECKPOINT: done % self.options.checkpoint_every == 0 or done == schedule.iterations,
         }
         for name in (name for name, is_due in due.items() if is_due):
-            checkpoint = Checkpoint(self._take(), self.options, tuple(self.events), self.data)
-            write_checkpoint(self.folder / name, checkpoint)
+            with timed(self.engine.stopwatch, "checkpoint"):
+                checkpoint = Checkpoint(self._take(), self.options, tuple(self.events), self.data)
+                write_checkpoint(self.folder / name, checkpoint)
 
     def _fresh(self) -> TrainState:
         """Give the state before the first iteration."""

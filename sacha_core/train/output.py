@@ -43,6 +43,7 @@ class TrainedModel:
         motion: with fitted parameters at training timesteps.
         events: everything that density control did.
         faults: steps that were not taken.
+        device: where it was trained.
     """
 
     folder: Path
@@ -51,6 +52,7 @@ class TrainedModel:
     motion: Motion
     events: tuple[Event, ...]
     faults: Faults
+    device: str
 
 
 def discard(folder: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import shutil
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from sacha_core.density.events import Calibration, Densification, OpacityReset, 
 from sacha_core.density.scores_file import read_scores
 from sacha_core.errors import GeometryError, HeadError, OptionError
 from sacha_core.interchange.gaussian_avatars import read_model
+from sacha_core.stopwatch import Stopwatch
 from sacha_core.train.checkpoint import read_checkpoint
 from sacha_core.train.loop import train
 from sacha_core.train.options import TrainOptions, from_record
@@ -304,3 +306,14 @@ def test_every_variant_runs_and_keeps_its_rules(tiny, tmp_path, variant) -> None
         assert set(model.gaussians.binding) == set(range(tiny.head.n_faces))
     calibration = next(event for event in model.events if isinstance(event, Calibration))
     assert (len(set(calibration.threshold)) > 1) == (variant in {"rad", "rad-gp-lgs", "paper"})
+
+
+def test_stages_make_up_the_time_of_all_iterations_but_the_first(tiny, tmp_path) -> None:
+    watch = Stopwatch()
+    start = time.perf_counter()
+    train(tiny.capture, tiny.head, options(iterations=30), tmp_path, stopwatch=watch)
+    whole = time.perf_counter() - start
+    assert watch.counts["rest"] == watch.counts["loss"] == watch.counts["Adam"] == 29
+    assert watch.counts["density control"] == 29
+    assert sum(watch.seconds.values()) < whole
+    assert all(seconds >= 0 for seconds in watch.seconds.values())
