@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sacha_core.bench.stability.case import Case, Findings
+from sacha_core.bench.stability.case import Case, Figure, Findings
 from sacha_core.errors import FormatError, GeometryError
 
 
@@ -34,17 +34,17 @@ BREAKS = {
 
 
 @pytest.mark.parametrize("check", HOLDS.values(), ids=HOLDS)
-def test_what_holds_is_said_and_breaks_nothing(check) -> None:
+def test_what_holds_is_told_and_breaks_nothing(check) -> None:
     findings = Case("name", "given", "must", check).run()
-    assert findings.said
+    assert findings.happened
     assert not findings.broken
 
 
 @pytest.mark.parametrize("check", BREAKS.values(), ids=BREAKS)
-def test_what_does_not_hold_breaks_the_case(check) -> None:
+def test_what_does_not_hold_breaks_the_case_and_is_all_that_is_told(check) -> None:
     findings = Case("name", "given", "must", check).run()
-    assert findings.broken == findings.said
-    assert len(findings.broken) == 1
+    findings.require(holds=True, statement="that")
+    assert [findings.happened] == findings.broken
 
 
 def test_an_error_of_another_kind_is_not_taken_for_a_refusal() -> None:
@@ -53,9 +53,28 @@ def test_an_error_of_another_kind_is_not_taken_for_a_refusal() -> None:
         case.run()
 
 
-def test_what_is_said_twice_is_told_once_and_figures_are_kept() -> None:
+def test_the_worst_of_each_figure_is_kept_and_statements_are_told_once() -> None:
     findings = Findings()
-    for _ in range(2):
-        findings.below("error", 0.25, 1.0, " mm")
-    assert findings.said == ["error 0.25 mm (limit 1 mm)"]
-    assert findings.figures == {"error": 0.25}
+    for value in findings.each((0.25, 0.5, 0.125)):
+        findings.below("error", value, 1.0, " mm")
+        findings.require(holds=True, statement="finite")
+    assert findings.happened == "finite; error 0.5 mm of 1 mm"
+    findings.below("error", 0.4, 0.5, " mm")  # closer to its limit, though smaller
+    assert findings.figures["error"] == Figure(0.4, 0.5, " mm")
+
+
+def test_what_is_wrong_is_told_with_the_value_that_it_is_wrong_with() -> None:
+    findings = Findings()
+    for value in findings.each({"good": 0.0, "bad": np.nan}):
+        findings.below("error", value, 1.0)
+    findings.require(holds=False, statement="afterwards")
+    assert findings.broken == ["bad: error nan of 1", "NOT afterwards"]
+
+
+def test_of_many_figures_those_closest_to_their_limits_are_told() -> None:
+    findings = Findings()
+    for k in range(9):
+        findings.below(f"figure {k}", k / 10, 1.0)
+    assert findings.happened == (
+        "figure 5 0.5 of 1; figure 6 0.6 of 1; figure 7 0.7 of 1; figure 8 0.8 of 1; 5 figures farther from their limits"
+    )

@@ -27,9 +27,10 @@ LARGEST, SMALLEST = float(np.finfo(F).max), float(np.finfo(F).smallest_subnormal
 N_GOOD, DEGREE = 40, 3
 PLACES = np.array([0, 3, 15, 16, 44])  # first and last of a block of sixteen, and in the last, incomplete one
 
-VANISHES = "vanish, and leave the picture and the gradients of the others as they were, to the bit"
-DRAWN = "be drawn as the exact compositor draws it, with its gradients"
+VANISHES = "vanish: the others unchanged to the bit"
+DRAWN = "be drawn, with gradients, as the exact compositor does"
 REFUSED = "be refused by name"
+TITLES = {VANISHES: " of no Gaussian", DRAWN: " at the ends of float32", REFUSED: " of no colour"}
 
 VANISHING = {
     "position": (np.nan, np.inf, -np.inf, LARGEST),
@@ -52,41 +53,45 @@ COLOURLESS = {"sh_dc": (np.nan, np.inf), "sh_rest": (np.nan, -np.inf), "sensitiv
 def cases(full: bool = False) -> Iterator[Case]:  # noqa: ARG001 (there is nothing to look closer at)
     """Give the family."""
     for table, must, check in (
-        (VANISHING, VANISHES, _vanishes),
+        (VANISHING, VANISHES, _vanish),
         (DRAWABLE, DRAWN, _drawn),
         (COLOURLESS, REFUSED, _refused),
     ):
         for name, values in table.items():
-            for value in values:
-                given = f"of five Gaussians among {N_GOOD}" if check is not _refused else "one number of one Gaussian"
-                yield Case(f"{name} {value:.3g}", given, must, partial(check, name, value))
+            whose = f"of five Gaussians among {N_GOOD}" if check is not _refused else "one number of one Gaussian"
+            given = f"{', '.join(f'{value:.3g}' for value in values)}; {whose}"
+            yield Case(f"{name}{TITLES[must]}", given, must, partial(check, name, values))
 
 
-def _vanishes(name: str, value: float, findings: Findings) -> None:
-    gaussians, others = _poisoned(name, value), np.setdiff1d(np.arange(N_GOOD + len(PLACES)), PLACES)
-    for way in (_plain, _compiled):
-        without = drawn(way(gaussians.select(others)), _camera())
-        seen = watch(findings, way(gaussians), _camera())
-        findings.same_bits("the others", seen.of(others), without.arrays)
-        findings.require(not seen.visible[PLACES].any(), "not visible")
-        alone = watch(findings, way(gaussians.select(PLACES)), _camera())
-        findings.require(bool((alone.arrays["image"] == BACKGROUND[:, None, None]).all()), "alone, the background")
+def _vanish(name: str, values: tuple[float, ...], findings: Findings) -> None:
+    others = np.setdiff1d(np.arange(N_GOOD + len(PLACES)), PLACES)
+    for value in findings.each(values):
+        gaussians = _poisoned(name, value)
+        for way in (_plain, _compiled):
+            without = drawn(way(gaussians.select(others)), _camera())
+            seen = watch(findings, way(gaussians), _camera())
+            findings.same_bits("the others", seen.of(others), without.arrays)
+            findings.require(not seen.visible[PLACES].any(), "not visible")
+            alone = watch(findings, way(gaussians.select(PLACES)), _camera())
+            findings.require(bool((alone.arrays["image"] == BACKGROUND[:, None, None]).all()), "alone, the background")
 
 
-def _drawn(name: str, value: float, findings: Findings) -> None:
-    gaussians = _poisoned(name, value)
-    for way in (_plain, _compiled):
-        for chosen in (gaussians, gaussians.select(PLACES)):
-            splats = way(chosen)
-            watch(findings, splats, _camera())
-            hold_to_exact(findings, splats, _camera())
+def _drawn(name: str, values: tuple[float, ...], findings: Findings) -> None:
+    for value in findings.each(values):
+        gaussians = _poisoned(name, value)
+        for way in (_plain, _compiled):
+            for chosen in (gaussians, gaussians.select(PLACES)):
+                splats = way(chosen)
+                watch(findings, splats, _camera())
+                hold_to_exact(findings, splats, _camera())
 
 
-def _refused(name: str, value: float, findings: Findings) -> None:
-    gaussians = _scene()
-    getattr(gaussians, name)[16, ...] = value
-    for way in (_plain, _compiled):
-        findings.refused(partial(drawn, way(gaussians), _camera()), SachaError, "of Gaussian 16")
+def _refused(name: str, values: tuple[float, ...], findings: Findings) -> None:
+    for value in findings.each(values):
+        gaussians = _scene()
+        getattr(gaussians, name)[16, ...] = value
+        for way in (_plain, _compiled):
+            findings.refused(partial(drawn, way(gaussians), _camera()), SachaError, "of Gaussian 16")
 
 
 def _plain(gaussians: Gaussians) -> Splats:

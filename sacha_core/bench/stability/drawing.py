@@ -94,8 +94,8 @@ def noise(camera: Camera) -> Float[np.ndarray, "4 h w"]:
 def watch(findings: Findings, splats: Splats, camera: Camera) -> Drawn:
     """Draw, and require what must always be: every number finite, nothing from what is not seen, the same for 1 and 2 threads."""
     one, two = drawn(splats, camera), drawn(splats, camera, threads=2)
-    findings.finite("image and gradients", one.arrays)
-    findings.same_bits("1 and 2 threads", two.arrays, one.arrays)
+    findings.finite("everything", one.arrays)
+    findings.same_bits("on 1 and 2 threads", two.arrays, one.arrays)
     unseen = one.of(~one.visible)
     if any(unseen[name].any() for name in (*FIELDS, "means_2d")):
         findings.require(holds=False, statement="gradients only where a Gaussian is seen")
@@ -129,12 +129,12 @@ def hold_to_exact(
     error = np.abs(shipped.arrays["image"] - exact.image.detach().numpy()).max(axis=0)
     error = np.maximum(error, np.abs(shipped.arrays["transmittance"] - exact.transmittance.detach().numpy()))
     largest = float(np.abs(splats.colours[shipped.visible]).max(initial=1))
-    findings.below("pixel error", error[calm].max(initial=0), pixel * largest)
+    findings.below("pixels off by", error[calm].max(initial=0), pixel * largest)
     if not calm.all():
         findings.below("in the boundary band", error[~calm].max(initial=0), FLIP * largest)
     (exact.image * torch.from_numpy(upstream)).sum().backward()  # type: ignore[no-untyped-call]
     expected = {name: np.zeros(leaf.shape) if leaf.grad is None else leaf.grad.numpy() for name, leaf in leaves.items()}
-    findings.below("gradient error", _gradient_error(shipped, expected, camera), gradient)
+    findings.below("gradients off by", _gradient_error(shipped, expected, camera), gradient)
 
 
 def _gradient_error(shipped: Drawn, expected: dict[str, np.ndarray], camera: Camera) -> float:

@@ -32,59 +32,33 @@ WAYS = ("compiled", "plain")
 AMPLITUDES_RAD = (0.1, 0.5, 1.0, float(np.pi), 10.0, 100.0)
 POSES = 12  # random ones of each amplitude
 
-POSED = "be finite and proper, as near to float64 as float32 can be; or be refused by name"
+TENS = (10.1, -10.1)  # a little beyond: what the head is made of is exact in float32, and so are tens of it
+TURNS_RAD = {"half a turn": np.pi, "a turn": 2 * np.pi, "a thousand radians": 1e3, "a million": 1e6}
+PLACES_M = (1.0, 1e3, 1e6, LARGEST)
+
+POSED = "be as near to float64 as float32 can be, every triangle's frame finite; or be refused by name"
+REFUSED = "be refused by name"
 
 
 def cases(full: bool = False) -> Iterator[Case]:
     """Give the family; `full` poses the head of FLAME's size."""
     size = "full" if full else "small"
-    for value in (10.1, -10.1):
-        yield Case(
-            f"expression {value:+.0f}, each alone",
-            "every component in turn",
-            POSED,
-            partial(_each_expression, size, value),
-        )
-        yield Case(
-            f"expression {value:+.0f}, all",
-            "every component at once",
-            POSED,
-            partial(_all_of, size, "expression", value),
-        )
-        yield Case(
-            f"identity {value:+.0f}, all", "every component of the shape", POSED, partial(_identity, size, value)
-        )
-    turns = {"half a turn": np.pi, "a whole turn": 2 * np.pi, "a thousand radians": 1e3, "a million radians": 1e6}
-    for name, angle in turns.items():
-        yield Case(
-            name, f"every joint about every axis, {angle:.4g} rad both ways", POSED, partial(_each_turn, size, angle)
-        )
-    for angle in (1e-8, -1e-8, 1e-20, 1e-45):
-        given = f"every joint and axis {angle:g} rad" + (", which cancels FLAME's offset" if angle == -1e-8 else "")
-        yield Case(f"turned by {angle:g}", given, POSED, partial(_every_turn, size, angle))
-    yield Case(
-        "all joints by half a turn",
-        "every component of every rotation vector pi",
-        POSED,
-        partial(_every_turn, size, np.pi),
-    )
-    for place in (1.0, 1e3, 1e6, LARGEST):
-        yield Case(
-            f"{place:.3g} m away", "translation along every axis", POSED, partial(_all_of, size, "translation", place)
-        )
+    yield Case("expression +-10", "every component in turn, and all at once", POSED, partial(_expression, size))
+    yield Case("identity +-10", "every component of the shape at once", POSED, partial(_identity, size))
+    given = f"{', '.join(TURNS_RAD)}; every joint and axis in turn, and all"
+    yield Case("large turns", given, POSED, partial(_large_turns, size))
+    given = "1e-8, -1e-8 (which cancels FLAME's offset), 1e-20, 1e-45 rad; all joints and axes"
+    yield Case("tiny turns", given, POSED, partial(_tiny_turns, size))
+    given = f"{', '.join(f'{place:.3g}' for place in PLACES_M)} m along every axis"
+    yield Case("far away", given, POSED, partial(_far_away, size))
     for name in ("expression", "rotation", "jaw", "translation"):
-        for value in (np.nan, np.inf, 2 * LARGEST):
-            yield Case(
-                f"{name} {value:.3g}", "one number of one frame", "be refused by name", partial(_refused, name, value)
-            )
-    for amplitude in AMPLITUDES_RAD:
-        given = f"random poses, every joint turned by {amplitude:.3g} rad"
         yield Case(
-            f"drift at {amplitude:.3g} rad",
-            given,
-            "stay within float32's rounding of float64",
-            partial(_drift, size, amplitude),
+            f"{name} that is none", "NaN, inf, or beyond all bounds in one frame", REFUSED, partial(_refused, name)
         )
+    given = f"every joint of random poses turned by {AMPLITUDES_RAD[0]:g} to {AMPLITUDES_RAD[-1]:g} rad"
+    yield Case(
+        "drift along chains of joints", given, "stay within float32's rounding of float64", partial(_drift, size)
+    )
 
 
 def drift_mm(size: str, amplitude_rad: float, way: str) -> Float[np.ndarray, " p"]:
@@ -99,92 +73,117 @@ def drift_mm(size: str, amplitude_rad: float, way: str) -> Float[np.ndarray, " p
     vectors = rng.normal(size=(POSES, 5, 3))
     vectors *= amplitude_rad / np.linalg.norm(vectors, axis=2, keepdims=True)
     motion = _motion(head, {"expression": rng.normal(size=(POSES, head.exprdirs.shape[2])), **_by_joint(vectors)})
-    return np.array([1e3 * np.abs(posed - exact).max() for posed, exact in _posed(head, way, motion)])
+    posers = Posers(head, motion)
+    return np.array([1e3 * posers.error_m(way, frame) for frame in range(POSES)])
 
 
-def _each_expression(size: str, value: float, findings: Findings) -> None:
+class Posers:
+    """The ways to pose the frames of a motion.
+
+    Args:
+        head: the head.
+        motion: its motion.
+    """
+
+    def __init__(self, head: HeadModel, motion: Motion) -> None:
+        self._motion = motion
+        self._exact, self._plain, self._compiled = ExactHead(head, motion), Poser(head, motion), PosedHead(head, motion)
+
+    def exact(self, frame: int) -> Float[np.ndarray, "v 3"]:
+        """Give the vertices in float64."""
+        names = ("expression", *ROTATIONS, "translation")
+        leaves = {name: torch.from_numpy(getattr(self._motion, name)[frame].astype(np.float64)) for name in names}
+        vertices: np.ndarray = self._exact.vertices(leaves).numpy()
+        return vertices
+
+    def shipped(self, way: str, frame: int) -> Float[np.ndarray, "v 3"]:
+        """Give the vertices in float32; not a number where a triangle's frame that was not refused is none.
+
+        Raises:
+            GeometryError: a triangle has no frame in this pose.
+        """
+        motion = self._motion
+        if way == "plain":
+            return self._plain(frame)
+        vectors = np.concatenate([getattr(motion, name)[frame] for name in ROTATIONS]).reshape(5, 3)
+        pose = self._compiled.pose(motion.expression[frame], vectors, motion.translation[frame])
+        sound = all(np.isfinite(array).all() for array in (*vars(pose.frames).values(), pose.quaternions))
+        return pose.vertices if sound else np.full_like(pose.vertices, np.nan)
+
+    def error_m(self, way: str, frame: int) -> float:
+        """Give how far the worst vertex is from float64, metres."""
+        return float(np.abs(self.shipped(way, frame) - self.exact(frame)).max())
+
+
+def _expression(size: str, findings: Findings) -> None:
     head = synthetic_head(size)
-    _hold(findings, head, _motion(head, {"expression": value * np.eye(head.exprdirs.shape[2])}))
+    n = head.exprdirs.shape[2]
+    for value in findings.each(TENS):
+        _hold(findings, head, _motion(head, {"expression": value * np.concatenate([np.eye(n), np.ones((1, n))])}))
 
 
-def _all_of(size: str, name: str, value: float, findings: Findings) -> None:
+def _identity(size: str, findings: Findings) -> None:
     head = synthetic_head(size)
-    width = 3 if name == "translation" else head.exprdirs.shape[2]
-    _hold(findings, head, _motion(head, {name: np.full((1, width), value)}))
+    for value in findings.each(TENS):
+        _hold(findings, head, replace(_motion(head, {}), shape=np.full(head.shapedirs.shape[2], value, F)))
 
 
-def _identity(size: str, value: float, findings: Findings) -> None:
+def _large_turns(size: str, findings: Findings) -> None:
     head = synthetic_head(size)
-    shape = np.full(head.shapedirs.shape[2], value, F)
-    _hold(findings, head, replace(_motion(head, {}), shape=shape))
+    axes = np.concatenate([np.eye(15), np.ones((1, 15))]).reshape(-1, 5, 3)
+    for angle in findings.each(TURNS_RAD):
+        _hold(findings, head, _motion(head, _by_joint(np.concatenate([angle * axes, -angle * axes]))))
 
 
-def _each_turn(size: str, angle: float, findings: Findings) -> None:
+def _tiny_turns(size: str, findings: Findings) -> None:
     head = synthetic_head(size)
-    turns = np.eye(15).reshape(15, 5, 3) * angle
-    _hold(findings, head, _motion(head, _by_joint(np.concatenate([turns, -turns]))))
+    for angle in findings.each((1e-8, -1e-8, 1e-20, 1e-45)):
+        _hold(findings, head, _motion(head, _by_joint(np.full((1, 5, 3), angle))))
 
 
-def _every_turn(size: str, angle: float, findings: Findings) -> None:
+def _far_away(size: str, findings: Findings) -> None:
     head = synthetic_head(size)
-    _hold(findings, head, _motion(head, _by_joint(np.full((1, 5, 3), angle))))
+    for place in findings.each(PLACES_M):
+        _hold(findings, head, _motion(head, {"translation": np.full((1, 3), place)}))
 
 
-def _refused(name: str, value: float, findings: Findings) -> None:
+def _refused(name: str, findings: Findings) -> None:
     """At the door, as whoever reads a motion checks it; and by the pose itself where nobody did."""
     head = synthetic_head("small")
-    motion = _motion(head, {})
-    getattr(motion, name)[0, 0] = value
-    findings.refused(motion.validate, FormatError, f"motion parameter {name}")
-    if not np.isfinite(value):
-        findings.refused(lambda: list(_posed(head, "compiled", motion)), GeometryError, "a vertex that is not finite")
+    for value in findings.each((np.nan, np.inf, 2 * LARGEST)):
+        motion = _motion(head, {})
+        getattr(motion, name)[0, 0] = value
+        findings.refused(motion.validate, FormatError, f"motion parameter {name}")
+        if not np.isfinite(value):
+            action = partial(Posers(head, motion).shipped, "compiled", 0)
+            findings.refused(action, GeometryError, "a vertex that is not finite")
 
 
-def _drift(size: str, amplitude: float, findings: Findings) -> None:
+def _drift(size: str, findings: Findings) -> None:
+    extent_m = float(np.abs(synthetic_head(size).v_template).max())
     for way in WAYS:
-        limit = 1e3 * _allowed(way, amplitude) * EPS * float(np.abs(synthetic_head(size).v_template).max())
-        findings.below(f"{way}, at most", float(drift_mm(size, amplitude, way).max()), limit, " mm")
+        for amplitude in findings.each(AMPLITUDES_RAD):
+            limit = 1e3 * _allowed(way, amplitude) * EPS * extent_m
+            findings.below(f"{way}: off by", float(drift_mm(size, amplitude, way).max()), limit, " mm")
 
 
 def _hold(findings: Findings, head: HeadModel, motion: Motion) -> None:
     """Pose every frame both ways, and require what must be."""
     longest = max(float(np.abs(getattr(motion, name)).max()) for name in ROTATIONS)
+    posers = Posers(head, motion)
     for way in WAYS:
-        worst = 0.0
-        try:
-            for vertices, exact in _posed(head, way, motion):
-                worst = max(worst, float(np.abs(vertices - exact).max() / np.abs(exact).max()))
-        except GeometryError as refusal:
-            findings.require("triangle" in str(refusal), f"{type(refusal).__name__}: {refusal}")
-            continue
-        findings.below(f"{way}: roundings of the largest coordinate", worst / EPS, _allowed(way, longest))
+        for frame in range(len(motion)):
+            try:
+                error = posers.error_m(way, frame)
+            except GeometryError as refusal:
+                findings.require(str(refusal).startswith("triangle"), f"{way}: refused by name")
+                continue
+            roundings = error / EPS / float(np.abs(posers.exact(frame)).max())
+            findings.below(f"{way}: roundings of the largest coordinate", roundings, _allowed(way, longest))
 
 
 def _allowed(way: str, longest_rad: float) -> float:
     return DRIFT + (TURNED * longest_rad if way == "plain" else 0.0)
-
-
-def _posed(
-    head: HeadModel, way: str, motion: Motion
-) -> Iterator[tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3"]]]:
-    """Give the vertices of each frame, in float32 and exactly; not a number where a frame that was not refused is none.
-
-    Raises:
-        GeometryError: a triangle has no frame in this pose.
-    """
-    exact, plain, compiled = ExactHead(head, motion), Poser(head, motion), PosedHead(head, motion)
-    for frame in range(len(motion)):
-        parts = {name: getattr(motion, name)[frame] for name in ("expression", *ROTATIONS, "translation")}
-        leaves = {name: torch.from_numpy(part.astype(np.float64)) for name, part in parts.items()}
-        if way == "plain":
-            vertices = plain(frame)
-        else:
-            vectors = np.concatenate([parts[name] for name in ROTATIONS]).reshape(5, 3)
-            pose = compiled.pose(parts["expression"], vectors, parts["translation"])
-            vertices = pose.vertices
-            if not all(np.isfinite(array).all() for array in (*vars(pose.frames).values(), pose.quaternions)):
-                vertices = np.full_like(vertices, np.nan)
-        yield vertices, exact.vertices(leaves).numpy()
 
 
 def _motion(head: HeadModel, parts: dict[str, Any]) -> Motion:

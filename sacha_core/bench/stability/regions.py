@@ -95,16 +95,16 @@ def _events(census: tuple[int, ...], change: Change, options: TrainOptions, find
     calibration = control.calibrate(state, options, regions, seen)
     _hold_calibration(calibration, options, change, findings)
     score = control.importance(state, options, seen, np.full(N_REGIONS * FACES_OF_EACH, LOCAL_UNIT_M))
-    findings.require(bool((score >= 0).all()), "scores are numbers, none negative")
+    findings.require(bool((score >= 0).all()), "scores not negative")
     pruning = control.prune(state, options, regions, score)
     left = tuple(b - r for b, r in zip(pruning.before, pruning.removed, strict=True))
-    findings.require(pruning.after == left == regions.counts(state.binding), "prunes what it counts")
+    findings.require(pruning.after == left == regions.counts(state.binding), "counts agree")
     growth = control.densify(state, options, regions, np.full(N_REGIONS * FACES_OF_EACH, LOCAL_UNIT_M), EXTENT_M)
     parts = zip(growth.before, growth.cloned, growth.split, growth.removed, strict=True)
-    findings.require(growth.after == tuple(b + c + s - r for b, c, s, r in parts), "grows what it counts")
+    findings.require(growth.after == tuple(b + c + s - r for b, c, s, r in parts), "counts agree")
     control.reset_opacity(state, options)
     n = len(state)
-    findings.require(all(len(state.values[name]) == n for name in ("position", "sh_rest", "log_scale")), "rows agree")
+    findings.require(all(len(state.values[name]) == n for name in ("position", "sh_rest", "log_scale")), "counts agree")
     untouched = {"log_scale"} if "attribute" in change else set()
     findings.finite("parameters", {name: value for name, value in state.values.items() if name not in untouched})
     json.loads(dump_events([calibration]), parse_constant=_no_constant)
@@ -113,17 +113,17 @@ def _events(census: tuple[int, ...], change: Change, options: TrainOptions, find
 def _hold_calibration(calibration: Calibration, options: TrainOptions, change: Change, findings: Findings) -> None:
     density, pruning = options.density, options.pruning
     modulator = np.array(calibration.modulator, float)
-    findings.require(bool((modulator > 0).all() and np.isfinite(modulator).all()), "modulators above 0 and finite")
+    findings.require(bool((modulator > 0).all() and np.isfinite(modulator).all()), "modulators above 0")
     if "sensitivity" in change:
         findings.require(bool((modulator == 1).all()), "every modulator exactly 1")
     if density.by_region:
         threshold = np.array(calibration.threshold, float)
         inside = (threshold >= density.threshold_lowest) & (threshold <= density.threshold_highest)
-        findings.require(bool(inside.all()), "thresholds within bounds")
+        findings.require(bool(inside.all()), "thresholds in bounds")
     if pruning.scope in {"regions", "weighted"}:
         ratio = np.array(calibration.ratio, float)
         findings.require(
-            bool(((ratio >= pruning.ratio_lowest) & (ratio <= pruning.ratio_highest)).all()), "ratios within bounds"
+            bool(((ratio >= pruning.ratio_lowest) & (ratio <= pruning.ratio_highest)).all()), "ratios in bounds"
         )
 
 

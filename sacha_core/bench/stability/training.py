@@ -35,6 +35,7 @@ ROW = 17  # of the Gaussian that is poisoned: in the last, incomplete block of s
 ITERATIONS, POISONED_AT = 40, 25
 
 SKIPPED = "skip the step, to the bit; count it; name iteration, parameter and Gaussian; go on with the next"
+FINITE = "end finite, and count what was skipped"
 LEARNS_ON = "stay finite in every parameter, and skip no step"
 SURVIVES = "stay finite in every parameter; where a step cannot be taken, skip it and name the cause"
 STEPS = 5
@@ -67,34 +68,33 @@ OVERFLOWING = {"sh_dc": (1e18, LARGEST), "sh_rest": (1e18, LARGEST), "expression
 def cases(full: bool = False) -> Iterator[Case]:
     """Give the family; `full` trains ten times as long."""
     for parameter, (array, _) in POISONED.items():
-        for value in (np.nan, np.inf, 1e30):
-            given = f"{value:g} in the gradient of one splat's {array}"
-            yield Case(f"{parameter} gradient {value:g}", given, SKIPPED, partial(_poisoned_step, parameter, value))
+        given = f"NaN, inf or 1e30 in the gradient of one splat's {array}"
+        yield Case(f"{parameter} gradient that is none", given, SKIPPED, partial(_poisoned_steps, parameter))
     yield Case("one poisoned step in a run", f"NaN at iteration {POISONED_AT} of {ITERATIONS}", SKIPPED, _poisoned_run)
-    for table, must in ((EXTREMES, LEARNS_ON), (OVERFLOWING, SURVIVES)):
+    for table, title, must in ((EXTREMES, "at the ends of float32", LEARNS_ON), (OVERFLOWING, "beyond use", SURVIVES)):
         for name, values in table.items():
-            for value in values:
-                check = partial(_extreme, name, value, table is EXTREMES)
-                yield Case(f"{name} {value:.3g}", f"at the start; then {STEPS} steps", must, check)
+            given = f"{', '.join(f'{value:.3g}' for value in values)} at the start; {STEPS} steps"
+            yield Case(f"{name} {title}", given, must, partial(_extremes, name, values, table is EXTREMES))
+    iterations = 10 * ITERATIONS if full else ITERATIONS
     for factor in (100.0, 1e4, 1e8):
-        given = f"every learning rate {factor:g} times too high"
-        iterations = 10 * ITERATIONS if full else ITERATIONS
-        yield Case(
-            f"rates x {factor:g}", given, "end finite; what was skipped is counted", partial(_rates, factor, iterations)
-        )
+        given = f"every learning rate {factor:g} times too high, {iterations} iterations"
+        yield Case(f"rates x {factor:g}", given, FINITE, partial(_rates, factor, iterations))
 
 
-def _poisoned_step(parameter: str, value: float, findings: Findings) -> None:
+def _poisoned_steps(parameter: str, findings: Findings) -> None:
     """One good step, one that is poisoned, and one good one."""
-    engine, made, rates = _engine()
-    with _poison(parameter, value, nth=2):
-        for iteration in (1, 2, 3):
-            before = deepcopy(engine.take())
-            _step(engine, made, rates, iteration)
-            same = _same(before, engine.take())
-            findings.require(same == (iteration == 2), f"step {iteration} {'skipped' if iteration == 2 else 'taken'}")
-    _hold_fault(findings, engine.take().faults, Fault(2, parameter, ROW))
-    findings.finite("parameters", engine.take().values)
+    for value in findings.each((np.nan, np.inf, 1e30)):
+        engine, made, rates = _engine()
+        with _poison(parameter, value, nth=2):
+            for iteration in (1, 2, 3):
+                before = deepcopy(engine.take())
+                _step(engine, made, rates, iteration)
+                same = _same(before, engine.take())
+                findings.require(
+                    same == (iteration == 2), f"step {iteration} {'skipped' if iteration == 2 else 'taken'}"
+                )
+        _hold_fault(findings, engine.take().faults, Fault(2, parameter, ROW))
+        findings.finite("parameters", engine.take().values)
 
 
 def _poisoned_run(findings: Findings) -> None:
@@ -106,16 +106,18 @@ def _poisoned_run(findings: Findings) -> None:
     model.gaussians.validate(tiny_head().n_faces)
 
 
-def _extreme(name: str, value: float, learns_on: bool, findings: Findings) -> None:
-    engine, made, rates = _engine()
-    engine.take().values[name][0 if name in FITTED_MOTION else ROW] = value
-    for iteration in range(1, STEPS + 1):
-        _step(engine, made, rates, iteration)
-    state = engine.take()
-    findings.finite("parameters", state.values)
-    findings.finite("first moments", state.first)
-    findings.finite("second moments", state.second)
-    findings.require(not state.faults.count if learns_on else _is_cause(state.faults.first), str(state.faults))
+def _extremes(name: str, values: tuple[float, ...], learns_on: bool, findings: Findings) -> None:
+    for value in findings.each(values):
+        engine, made, rates = _engine()
+        engine.take().values[name][0 if name in FITTED_MOTION else ROW] = value
+        for iteration in range(1, STEPS + 1):
+            _step(engine, made, rates, iteration)
+        state = engine.take()
+        moments = {**state.first, **{f"{name} squared": array for name, array in state.second.items()}}
+        findings.finite(
+            "parameters and moments", {**{f"{name} itself": array for name, array in state.values.items()}, **moments}
+        )
+        findings.require(not state.faults.count if learns_on else _is_cause(state.faults.first), str(state.faults))
 
 
 def _is_cause(first: Fault | None) -> bool:

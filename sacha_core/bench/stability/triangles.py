@@ -24,6 +24,9 @@ SLIVER = 4.0  # rounding of a few products, in units of EPS over the sine of the
 ORDINARY = 20 * EPS / 0.05  # random triangles have corners down to a sine of 0.05
 TRIES = 24  # triangles in random places and directions
 
+# Where the third vertex lies on the line through the others, from the first in edges
+NO_AREA = {"on the first": 0.0, "on the second": 1.0, "between them": 1 / 3, "beyond": -7.7}
+
 Vertices = Float[np.ndarray, "3 3"]
 REFUSED = "be refused by name"
 FINITE_OR_REFUSED = "have a proper frame, as precise as float32 allows, or be refused by name"
@@ -31,15 +34,8 @@ FINITE_OR_REFUSED = "have a proper frame, as precise as float32 allows, or be re
 
 def cases(full: bool = False) -> Iterator[Case]:  # noqa: ARG001 (there is nothing to look closer at)
     """Give the family."""
-    for name, third in (
-        ("on its first vertex", 0.0),
-        ("on its second vertex", 1.0),
-        ("between them", 1 / 3),
-        ("beyond them", -7.7),
-    ):
-        yield Case(f"third vertex {name}", "no area", REFUSED, partial(_no_area, third))
-    for poison in (np.nan, np.inf, -np.inf):
-        yield Case(f"vertex {poison}", "one coordinate", REFUSED, partial(_not_finite, poison))
+    yield Case("no area", f"the third vertex {', '.join(NO_AREA)}", REFUSED, _no_area)
+    yield Case("vertices that are none", "one coordinate NaN, inf or -inf", REFUSED, _not_finite)
     yield Case("inverted", "two vertices exchanged", "have the opposite normal and a proper frame", _inverted)
     yield Case("sliver", "the third vertex comes to the edge: sine 1 to 1e-12", FINITE_OR_REFUSED, _sliver)
     yield Case("vanishing", "edges from a centimetre down to 1e-40 m", FINITE_OR_REFUSED, partial(_sizes, -1))
@@ -70,18 +66,20 @@ def compiled(vertices: Vertices) -> TriangleFrames:
 WAYS: dict[str, Callable[[Vertices], TriangleFrames]] = {"plain": plain, "compiled": compiled}
 
 
-def _no_area(third: float, findings: Findings) -> None:
+def _no_area(findings: Findings) -> None:
     ends = np.array([[0.1, 0.2, -0.3], [0.4, -0.1, 0.2]], F)
-    vertices = np.array([*ends, ends[0] + F(third) * (ends[1] - ends[0])], F)
-    for way in WAYS.values():
-        findings.refused(partial(way, vertices), GeometryError, "triangle 0 has zero area")
+    for third in findings.each(NO_AREA):
+        vertices = np.array([*ends, ends[0] + F(third) * (ends[1] - ends[0])], F)
+        for way in WAYS.values():
+            findings.refused(partial(way, vertices), GeometryError, "triangle 0 has zero area")
 
 
-def _not_finite(poison: float, findings: Findings) -> None:
-    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, poison]], F)
-    for way in WAYS.values():
-        with np.errstate(invalid="ignore"):
-            findings.refused(partial(way, vertices), GeometryError, "triangle 0 has a vertex that is not finite")
+def _not_finite(findings: Findings) -> None:
+    for poison in findings.each((np.nan, np.inf, -np.inf)):
+        vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, poison]], F)
+        for way in WAYS.values():
+            with np.errstate(invalid="ignore"):
+                findings.refused(partial(way, vertices), GeometryError, "triangle 0 has a vertex that is not finite")
 
 
 def _inverted(findings: Findings) -> None:
