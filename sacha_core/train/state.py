@@ -117,13 +117,13 @@ def rearrange(
     """
     order = np.argsort(state.binding[rows], kind="stable")
     rows = rows[order]
+    anew = [] if fresh is None else np.flatnonzero(fresh[order])
     for name in ATTRIBUTES:
         given = None if replaced is None else replaced.get(name)
-        state.values[name] = np.ascontiguousarray(state.values[name][rows] if given is None else given[order])
+        state.values[name] = state.values[name].take(rows, axis=0) if given is None else given.take(order, axis=0)
         for moments in (state.first, state.second):
-            moments[name] = np.ascontiguousarray(moments[name][rows])
-            if fresh is not None:
-                moments[name][fresh[order]] = 0
+            moments[name] = moments[name].take(rows, axis=0)
+            moments[name][anew] = 0
     state.binding = state.binding[rows]
     state.gradient_sum = state.gradient_sum[rows]
     state.gradient_count = state.gradient_count[rows]
