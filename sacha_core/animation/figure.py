@@ -19,8 +19,9 @@ from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import HeadMotion
 from sacha_core.raster.bounds import pixel_box
 from sacha_core.raster.camera import Camera
+from sacha_core.raster.harmonics import ALL_DEGREES
 from sacha_core.raster.kernels.bounds import reach
-from sacha_core.raster.kernels.harmonics import BASIS, harmonic_colours
+from sacha_core.raster.kernels.harmonics import harmonic_colours
 from sacha_core.raster.kernels.layout import ALPHA_MIN
 from sacha_core.raster.pool import Pool
 from sacha_core.raster.splats import Splats
@@ -87,7 +88,6 @@ class Figure:
             None  # origins of triangles and centre of the camera
         )
         self._to_carry = self._to_colour = False  # whether the pose is new to the Gaussians and to their colours
-        self._basis = np.array(BASIS, np.float32)
 
     def __len__(self) -> int:
         """Give the number of Gaussians that can be seen at all."""
@@ -153,8 +153,7 @@ class Figure:
     def _colour(self, start: int, stop: int, centre: Float[np.ndarray, "3"]) -> None:
         gaussians = self._gaussians
         harmonic_colours(
-            gaussians.sh_dc, gaussians.sh_rest, self._world[0], centre, self._basis, np.empty_like(self._basis), self._degree,
-            start, stop, self._colours,
+            start, stop, gaussians.sh_dc, gaussians.sh_rest, self._world[0], centre, self._degree, ALL_DEGREES, self._colours,
         )  # fmt: skip
 
     def _colours_are_stale(self, centre: Float[np.ndarray, "3"]) -> bool:

@@ -1,17 +1,20 @@
-"""Colours that depend on the direction of view, by spherical harmonics, and their gradient."""
+"""Colours that depend on the direction of view, by spherical harmonics, and their gradients."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
 from sacha_core.errors import OptionError
-from sacha_core.raster.kernels.harmonics import BASIS, harmonic_colours, harmonic_gradients
+from sacha_core.raster.kernels.harmonics import coefficient_gradients, harmonic_colours, harmonic_gradients
+from sacha_core.raster.kernels.lanes import LANES
 from sacha_core.raster.pool import Pool, even_ranges
 
-__all__ = ["sh_colours", "sh_colours_backward"]
+__all__ = ["ALL_DEGREES", "degrees_in_use", "sh_colours", "sh_colours_backward", "sh_rest_gradient"]
+
+ALL_DEGREES = np.zeros(0, np.uint8)  # for kernels: no Gaussian has a limit of its own
 
 
 def sh_colours(
@@ -21,8 +24,12 @@ def sh_colours(
     centre: Float[np.ndarray, "3"],
     degree: int,
     pool: Pool | None = None,
-) -> Float[np.ndarray, "n 3"]:
+    degrees: UInt8[np.ndarray, " n"] | None = None,
+    out: Float[np.ndarray, "n c"] | None = None,
+) -> Float[np.ndarray, "n c"]:
     """Give max(SH + 0.5, 0), the colours of Gaussians as seen from a camera.
+
+    Coefficients that are zero give the same bits as a lower degree, and so does any number of threads.
 
     Args:
         sh_dc: (n, 3) coefficient of degree 0, RGB.
@@ -31,76 +38,108 @@ def sh_colours(
         centre: (3,) where the camera stands, metres.
         degree: 0 to 3; higher coefficients are not looked at.
         pool: shares out the work; None for the calling thread alone.
+        degrees: (n,) of each Gaussian: its higher coefficients are not looked at either; None for no such limit.
+        out: (n, 3 or 4) contiguous float32, to write to; a fourth column stays as it is. None for new memory.
 
     Returns:
-        (n, 3) in the dtype of `sh_dc`.
+        `out`, or (n, 3) float32.
 
     Raises:
-        OptionError: `degree` is not 0 to 3, or `sh_rest` has no coefficients of that degree.
+        OptionError: `degree` is not 0 to 3, `sh_rest` has no coefficients of that degree, or `degrees` or `out` have another shape.
 
     Source: Kerbl et al., 3D Gaussian Splatting, SIGGRAPH 2023: real harmonics with the Condon-Shortley phase.
     """
-    arrays = _inputs(sh_dc, sh_rest, means, centre, degree)
-    colours = np.empty(sh_dc.shape, sh_dc.dtype)
-
-    def task(start: int, stop: int) -> None:
-        harmonic_colours(*arrays, np.empty_like(arrays[-1]), degree, start, stop, colours)
-
-    _share(pool, len(sh_dc), task)
+    require_degree(degree, sh_rest.shape[1])
+    n = len(sh_dc)
+    colours = np.empty((n, 3), np.float32) if out is None else out
+    if colours.shape not in ((n, 3), (n, 4)) or colours.dtype != np.float32 or not colours.flags.c_contiguous:
+        raise OptionError(f"colours go to {colours.dtype} of shape {colours.shape}, expected float32 of ({n}, 3 or 4)")
+    limits = ALL_DEGREES if degrees is None else np.ascontiguousarray(degrees, np.uint8)
+    if degrees is not None and limits.shape != (n,):
+        raise OptionError(f"degrees of harmonics have shape {limits.shape}, expected ({n},)")
+    arrays = single(sh_dc, sh_rest, means, centre)
+    share(pool, n, lambda start, stop: harmonic_colours(start, stop, *arrays, degree, limits, colours))
     return colours
 
 
 def sh_colours_backward(
-    sh_dc: Float[np.ndarray, "n 3"],
     sh_rest: Float[np.ndarray, "n k 3"],
     means: Float[np.ndarray, "n 3"],
     centre: Float[np.ndarray, "3"],
     degree: int,
-    gradient: Float[np.ndarray, "n 3"],
+    colours: Float[np.ndarray, "n c"],
+    gradient: Float[np.ndarray, "n c"],
+    g_means: Float[np.ndarray, "n 3"],
     pool: Pool | None = None,
-) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n k 3"], Float[np.ndarray, "n 3"]]:
-    """Give the gradients by `sh_dc`, `sh_rest` and `means` from that by the colours.
+) -> Float[np.ndarray, "n 3"]:
+    """Carry the gradient by the colours back.
+
+    The gradients by coefficients follow from what is given back: by `sh_dc` it is `BASIS[0]`, the first basis function, times it; by
+    `sh_rest` see `sh_rest_gradient`. An optimiser makes them as it goes: to write them takes longer than to compute them.
 
     Args:
-        sh_dc: as of `sh_colours`, as are the next four.
-        sh_rest: (n, k, 3).
+        sh_rest: as of `sh_colours`, as are the next three.
         means: (n, 3).
         centre: (3,).
         degree: 0 to 3.
-        gradient: (n, 3) of the loss by the colours.
-        pool: shares out the work.
+        colours: (n, 3 or 4) what `sh_colours` gave.
+        gradient: (n, 3 or 4) of the loss by the colours; a fourth column is not looked at.
+        g_means: (n, 3) contiguous float32, the gradient by the means is added to it.
+        pool: shares out the work; None for the calling thread alone.
 
     Returns:
-        Gradients in the shapes of the three; zero beyond `degree`, and through colours that were cut at 0.
+        (n, 3) float32, `gradient` where the colour was not cut at 0, 0 elsewhere.
+
+    Raises:
+        OptionError: `degree` is not 0 to 3, or `sh_rest` has no coefficients of that degree.
     """
-    arrays = _inputs(sh_dc, sh_rest, means, centre, degree)
-    gradient = np.ascontiguousarray(gradient, sh_dc.dtype)
-    g_dc, g_rest, g_means = np.empty_like(arrays[0]), np.zeros(sh_rest.shape, sh_dc.dtype), np.empty_like(arrays[0])
-
-    def task(start: int, stop: int) -> None:
-        space = np.zeros((2, len(BASIS)), sh_dc.dtype)
-        harmonic_gradients(*arrays, *space, degree, start, stop, gradient, g_dc, g_rest, g_means)
-
-    _share(pool, len(sh_dc), task)
-    return g_dc, g_rest, g_means
+    require_degree(degree, sh_rest.shape[1])
+    cut, arrays, slopes = np.empty(means.shape, np.float32), single(sh_rest, means, centre), single(colours, gradient)
+    share(pool, len(means), lambda start, stop: harmonic_gradients(start, stop, *arrays, degree, *slopes, cut, g_means))
+    return cut
 
 
-def _inputs(
-    sh_dc: np.ndarray, sh_rest: np.ndarray, means: np.ndarray, centre: np.ndarray, degree: int
-) -> tuple[np.ndarray, ...]:
-    """Give the kernels' inputs in the dtype of `sh_dc`, the basis last."""
+def sh_rest_gradient(
+    means: Float[np.ndarray, "n 3"],
+    centre: Float[np.ndarray, "3"],
+    degree: int,
+    cut: Float[np.ndarray, "n 3"],
+    coefficients: int,
+) -> Float[np.ndarray, "n k 3"]:
+    """Give the gradient by `sh_rest`, of so many coefficients, from what `sh_colours_backward` gave; zero beyond `degree`."""
+    require_degree(degree, coefficients)
+    gradient = np.zeros((len(means), coefficients, 3), np.float32)
+    means, centre, cut = single(means, centre, cut)
+    if degree > 0:
+        coefficient_gradients(0, len(means), means, centre, degree, cut, gradient)
+    return gradient
+
+
+def degrees_in_use(sh_rest: Float[np.ndarray, "n k 3"]) -> UInt8[np.ndarray, " n"]:
+    """Give the degree beyond which all of a Gaussian's coefficients are zero, 0 to 3."""
+    used: np.ndarray = sh_rest.any(axis=2)
+    degrees = np.zeros(len(used), np.uint8)
+    for degree in (1, 2, 3):
+        degrees[used[:, degree**2 - 1 : (degree + 1) ** 2 - 1].any(axis=1)] = degree
+    return degrees
+
+
+def require_degree(degree: int, coefficients: int) -> None:
+    """Raise OptionError unless a degree can be had from so many coefficients."""
     if not 0 <= degree <= 3:
         raise OptionError(f"spherical harmonics of degree {degree} were asked for, expected 0 to 3")
-    if sh_rest.shape[1] < (degree + 1) ** 2 - 1:
-        raise OptionError(f"degree {degree} needs {(degree + 1) ** 2 - 1} coefficients, sh_rest has {sh_rest.shape[1]}")
-    arrays = (sh_dc, sh_rest, means, centre, np.array(BASIS))
-    return tuple(np.ascontiguousarray(a, sh_dc.dtype) for a in arrays)
+    if coefficients < (degree + 1) ** 2 - 1:
+        raise OptionError(f"degree {degree} needs {(degree + 1) ** 2 - 1} coefficients, sh_rest has {coefficients}")
 
 
-def _share(pool: Pool | None, n: int, task: Callable[[int, int], None]) -> None:
-    """Call task(start, stop) for ranges that make up n Gaussians."""
+def single(*arrays: np.ndarray) -> tuple[np.ndarray, ...]:
+    return tuple(np.ascontiguousarray(array, np.float32) for array in arrays)
+
+
+def share(pool: Pool | None, n: int, task: Callable[[int, int], None]) -> None:
+    """Call task(start, stop) for ranges that make up n Gaussians, of whole blocks of lanes."""
     if pool is None:
         task(0, n)
         return
-    bounds = even_ranges(n, pool.threads)
+    bounds = [min(LANES * block, n) for block in even_ranges(-(-n // LANES), pool.threads)]
     pool.run(lambda _, job: task(bounds[job], bounds[job + 1]), len(bounds) - 1)

@@ -14,8 +14,9 @@ from sacha_core.avatar.binding import sigmoid
 from sacha_core.raster.bounds import pixel_box
 from sacha_core.raster.buffers import Buffers
 from sacha_core.raster.camera import Camera
-from sacha_core.raster.harmonics import sh_colours
+from sacha_core.raster.harmonics import ALL_DEGREES
 from sacha_core.raster.kernels.bounds import reach
+from sacha_core.raster.kernels.harmonics import harmonic_colours
 from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import NEAR, Frame, Rasteriser
 from sacha_core.raster.splats import Splats
@@ -81,26 +82,21 @@ class Drawer:
             ColourError: a colour is not finite.
         """
         splats, values, bounds, to_carry = self.splats, self._state.values, self._bounds, self._to_carry
-        view = view_parameters(camera, NEAR)
+        view, centre = view_parameters(camera, NEAR), np.asarray(camera.centre, np.float32)
         sides = [(0.0, 0.0, 0.0, 0.0)] * (len(bounds) - 1)
 
         def job(_: int, k: int) -> None:
             start, stop = bounds[k], bounds[k + 1]
             if to_carry:
                 self._carry(start, stop)
+            harmonic_colours(
+                start, stop, values["sh_dc"], values["sh_rest"], splats.means, centre, degree, ALL_DEGREES, splats.colours,
+            )  # fmt: skip
             sides[k] = reach(start, stop, splats.means, splats.scales, splats.opacities, view)
 
         with self._time("place and colour"):
             self._pool.run(job, len(bounds) - 1)
             self._to_carry = False
-            splats.colours[:, :3] = sh_colours(
-                values["sh_dc"],
-                values["sh_rest"],
-                splats.means,
-                np.asarray(camera.centre, np.float32),
-                degree,
-                self._pool,
-            )
         crop = union(pixel_box(sides, camera, MARGIN), box, camera)
         part = camera.crop(crop[0], crop[1], crop[2] - crop[0], crop[3] - crop[1])
         return Drawing(self._rasteriser.forward(splats, part, BACKGROUND), crop)

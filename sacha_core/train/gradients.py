@@ -9,8 +9,8 @@ from jaxtyping import Float, Int
 
 from sacha_core.animation.posed import Pose, block_bounds
 from sacha_core.raster.buffers import Buffers
-from sacha_core.raster.harmonics import sh_colours_backward
-from sacha_core.raster.kernels.harmonics import BASIS
+from sacha_core.raster.harmonics import sh_rest_gradient
+from sacha_core.raster.kernels.harmonics import BASIS, harmonic_gradients
 from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import Frame
 from sacha_core.raster.splats import SplatGradients, Splats
@@ -121,14 +121,18 @@ class GaussianGradients:
         chunks, jobs, views = self._chunks, self._jobs, self._views
         view = len(self.colours)
         cut = self._space(f"cut {view}", len(self._state), 3)
-        self.colours.append(ViewColours(np.asarray(frame.camera.centre, np.float32), cut))
+        centre = np.asarray(frame.camera.centre, np.float32)
+        self.colours.append(ViewColours(centre, cut))
         half_sides = np.float32(views * width / 2), np.float32(views * height / 2)  # as if there were no other view
         part = np.float32(1 / (views * max(int(np.count_nonzero(frame.visible)), 1)))
         totals = self._totals(slopes) if views > 1 else of_slopes(slopes)
 
         def job(_: int, k: int) -> None:
             start, stop = chunks.rows[jobs[k]], chunks.rows[jobs[k + 1]]
-            self._colours_backward(start, stop, degree, slopes, cut)
+            harmonic_gradients(
+                start, stop, self._state.values["sh_rest"], self._splats.means, centre, degree, self._splats.colours, slopes.colours, cut,
+                slopes.means,
+            )  # fmt: skip
             note_view(
                 start, stop, view == 0, frame.bins.span, slopes.means_2d, *half_sides, part, cut, np.float32(BASIS[0]),
                 self._shares, self.seen, self.lengths, self.by_name["sh_dc"],
@@ -156,11 +160,9 @@ class GaussianGradients:
 
     def by_harmonics(self, degree: int) -> Float[np.ndarray, "n k 3"]:
         """Give the gradient by `sh_rest`, which a step does without."""
-        values, total = self._state.values, np.zeros_like(self._state.values["sh_rest"])
+        total = np.zeros_like(self._state.values["sh_rest"])
         for view in self.colours:
-            total += sh_colours_backward(
-                values["sh_dc"] + np.float32(1e3), values["sh_rest"], self._splats.means, view.centre, degree, view.cut
-            )[1]
+            total += sh_rest_gradient(self._splats.means, view.centre, degree, view.cut, total.shape[1])
         return total
 
     def _settle(self, k: int, totals: Arrays) -> None:
@@ -175,13 +177,6 @@ class GaussianGradients:
             self._shares, self.seen, self._limits, np.float32(LARGEST_GRADIENT), *self.by_name.values(), self._rig.g_corners,
             self._penalties,
         )  # fmt: skip
-
-    def _colours_backward(self, start: int, stop: int, degree: int, slopes: SplatGradients, cut: np.ndarray) -> None:
-        values, centre, rows = self._state.values, self.colours[-1].centre, slice(start, stop)
-        inputs = (values["sh_dc"][rows], values["sh_rest"][rows], self._splats.means[rows], centre, degree)
-        d_dc, _, d_means = sh_colours_backward(*inputs, slopes.colours[rows, :3])
-        cut[rows] = d_dc / np.float32(BASIS[0])
-        slopes.means[rows] += d_means
 
     def _totals(self, slopes: SplatGradients) -> Arrays:
         """Give space for the sums over views."""

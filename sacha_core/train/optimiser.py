@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Float
 
 from sacha_core.animation.posed import block_bounds
-from sacha_core.raster.kernels.harmonics import BASIS
 from sacha_core.raster.pool import Pool
 from sacha_core.train.gradients import ViewColours
 from sacha_core.train.kernels.adam import adam_range, harmonics_range
@@ -47,14 +46,13 @@ def step_gaussians(
     state.steps["gaussians"] += 1
     pace = Pace(state.steps["gaussians"])
     bounds = block_bounds(len(state), ROWS, 2 * pool.threads)
-    basis = np.array(BASIS, np.float32)
     centres, cuts = tuple(view.centre for view in colours), tuple(view.cut for view in colours)
 
     def job(_: int, k: int) -> None:
         start, stop = bounds[k], bounds[k + 1]
         if colours and degree > 0:
-            rest = (kind["sh_rest"].reshape(len(state), -1) for kind in (state.values, state.first, state.second))
-            harmonics_range(start, stop, degree, basis, means, centres, cuts, *rest, *pace.of(rates["sh_rest"]))
+            rest = (kind["sh_rest"] for kind in (state.values, state.first, state.second))
+            harmonics_range(start, stop, degree, means, centres, cuts, *rest, *pace.of(rates["sh_rest"]))
         for name, gradient in gradients.items():
             arrays = (state.values[name], gradient, state.first[name], state.second[name])
             adam_range(*(array[start:stop].reshape(-1) for array in arrays), *pace.of(rates[name]))

@@ -1,13 +1,32 @@
-"""Real spherical harmonics of degree 0 to 3 and their sums, in the dtype of the arrays."""
+"""Real spherical harmonics of degree 0 to 3, of sixteen Gaussians at a time.
+
+Coefficients lie as files and the optimiser have them: those of a Gaussian together, three colours each. What takes time is to read them, so
+rows that cannot matter (of a lower degree, or without gradient) are not read; the others are turned into columns of lanes in registers.
+"""
 
 from __future__ import annotations
 
-import math
-
+import numpy as np
 from numba import njit
 
-from sacha_core.raster.kernels.lanes import within
+from sacha_core.raster.kernels.lanes import (
+    LANES,
+    absolute,
+    fma,
+    inlined,
+    load_first,
+    maximum,
+    minimum,
+    prefetch,
+    select,
+    some,
+    splat,
+    square_root,
+    zeros,
+)
+from sacha_core.raster.kernels.rows import first_lanes, load_columns, load_wide, store_columns, store_products
 
+F = np.float32
 # constants of the basis, in the order of the coefficients
 BASIS = (
     0.28209479177387814,
@@ -16,116 +35,294 @@ BASIS = (
     -0.5900435899266435, 2.890611442640554, -0.4570457994644658, 0.3731763325901154, -0.4570457994644658, 1.445305721320277,
     -0.5900435899266435,
 )  # fmt: skip
+AHEAD = 2 * LANES  # rows; the processor does not foresee rows that are read in three goes
+COEFFICIENTS = 15  # of degree 1 to 3
+NUMBERS = 3 * COEFFICIENTS
 
 
-@within
-def direction(means, centre, g, basis):
-    """Give the unit vector from the camera to a mean, and the inverse distance; straight ahead and 0 where there is none."""
-    x, y, z = means[g, 0] - centre[0], means[g, 1] - centre[1], means[g, 2] - centre[2]
-    square = x * x + y * y + z * z
-    if not 0 < square < math.inf:
-        zero = basis[0] - basis[0]  # of the arrays' dtype
-        return zero, zero, zero + 1, zero
-    inverse = basis.dtype.type(1) / math.sqrt(square)
-    return x * inverse, y * inverse, z * inverse, inverse
+@inlined
+def directions(means, at, count, centre):
+    """Give unit vectors from the camera to `count` means, and inverse distances; straight ahead and 0 where there is none."""
+    x, y, z = load_columns(means, at, 3, count)
+    x, y, z = x - centre[0], y - centre[1], z - centre[2]
+    square = fma(x, x, fma(y, y, z * z))
+    known = (square > F(0)) & (square < F(np.inf))
+    inverse = select(known, F(1) / square_root(square), zeros())
+    return (
+        select(known, x * inverse, zeros()),
+        select(known, y * inverse, zeros()),
+        select(known, z * inverse, splat(F(1))),
+        inverse,
+    )
 
 
-@within
-def evaluate(x, y, z, degree, basis, values):
-    """Write the basis functions of degree 1 up to `degree` at a unit vector."""
-    if degree > 0:
-        values[1], values[2], values[3] = basis[1] * y, basis[2] * z, basis[3] * x
-    if degree > 1:
-        xx, yy, zz = x * x, y * y, z * z
-        values[4], values[5], values[7] = basis[4] * x * y, basis[5] * y * z, basis[7] * x * z
-        values[6], values[8] = basis[6] * (zz + zz - xx - yy), basis[8] * (xx - yy)
-        if degree > 2:
-            ring = 4 * zz - xx - yy
-            values[9], values[10], values[11] = (
-                basis[9] * y * (3 * xx - yy),
-                basis[10] * x * y * z,
-                basis[11] * y * ring,
-            )
-            values[12], values[13] = basis[12] * z * (2 * zz - 3 * xx - 3 * yy), basis[13] * x * ring
-            values[14], values[15] = basis[14] * z * (xx - yy), basis[15] * x * (xx - 3 * yy)
+@inlined
+def first_degree(x, y, z):
+    """Give the three basis functions of degree 1 at unit vectors."""
+    return y * BASIS[1], z * BASIS[2], x * BASIS[3]
 
 
-@within
-def slope(x, y, z, degree, basis, w):
-    """Give the gradient by the vector of sum_k w[k] basis_k, each basis function taken as a polynomial of x, y and z."""
-    dx, dy, dz = basis[3] * w[3], basis[1] * w[1], basis[2] * w[2]
-    if degree > 1:
-        a, b, c, d, e = basis[4] * w[4], basis[5] * w[5], basis[6] * w[6], basis[7] * w[7], basis[8] * w[8]
-        dx += a * y + d * z + 2 * x * (e - c)
-        dy += a * x + b * z - 2 * y * (e + c)
-        dz += b * y + d * x + 4 * z * c
-    if degree > 2:
-        xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
-        a, b, c, d = basis[9] * w[9], basis[10] * w[10], basis[11] * w[11], basis[12] * w[12]
-        e, f, h = basis[13] * w[13], basis[14] * w[14], basis[15] * w[15]
-        dx += (
-            6 * xy * a + yz * b - 2 * xy * c - 6 * xz * d + (4 * zz - 3 * xx - yy) * e + 2 * xz * f + 3 * (xx - yy) * h
-        )
-        dy += (
-            3 * (xx - yy) * a + xz * b + (4 * zz - xx - 3 * yy) * c - 6 * yz * d - 2 * xy * e - 2 * yz * f - 6 * xy * h
-        )
-        dz += xy * b + 8 * yz * c + (6 * zz - 3 * xx - 3 * yy) * d + 8 * xz * e + (xx - yy) * f
-    return dx, dy, dz
+@inlined
+def second_degree(x, y, z):
+    """Give the five of degree 2."""
+    xx, yy, zz = x * x, y * y, z * z
+    return (
+        x * y * BASIS[4],
+        y * z * BASIS[5],
+        (zz + zz - xx - yy) * BASIS[6],
+        x * z * BASIS[7],
+        (xx - yy) * BASIS[8],
+    )
 
 
-@within
-def series(sh_dc, sh_rest, g, degree, basis, values):
-    """Give SH + 0.5 of one Gaussian, red, green and blue."""
-    half = basis.dtype.type(0.5)
-    red, green, blue = half + basis[0] * sh_dc[g, 0], half + basis[0] * sh_dc[g, 1], half + basis[0] * sh_dc[g, 2]
-    for k in range((degree + 1) ** 2 - 1):
-        red += values[k + 1] * sh_rest[g, k, 0]
-        green += values[k + 1] * sh_rest[g, k, 1]
-        blue += values[k + 1] * sh_rest[g, k, 2]
-    return red, green, blue
+@inlined
+def third_degree(x, y, z):
+    """Give the seven of degree 3."""
+    xx, yy, zz = x * x, y * y, z * z
+    ring = F(4) * zz - xx - yy
+    return (
+        y * (F(3) * xx - yy) * BASIS[9],
+        x * y * z * BASIS[10],
+        y * ring * BASIS[11],
+        z * (F(2) * zz - F(3) * (xx + yy)) * BASIS[12],
+        x * ring * BASIS[13],
+        z * (xx - yy) * BASIS[14],
+        x * (xx - F(3) * yy) * BASIS[15],
+    )
 
 
-@within
-def lit(value):
-    """Give max(value, 0); what is not a number stays so, to be noticed."""
-    return value - value if value < 0 else value
+@inlined
+def third_columns(sh_rest, at, pitch, wanted):
+    """Give the coefficients of degree 3 of sixteen rows, `at` being where degree 1 begins: 16 columns and 5."""
+    return load_wide(sh_rest, at + 24, pitch, 16, wanted), load_wide(sh_rest, at + 40, pitch, 5, wanted)
 
 
-@njit(cache=True, nogil=True)
-def harmonic_colours(sh_dc, sh_rest, means, centre, basis, values, degree, start, stop, colours):
-    """Write max(SH + 0.5, 0) of the Gaussians `start` to `stop`; `basis` holds BASIS, and `values` is space of that size."""
-    for g in range(start, stop):
-        x, y, z, _ = direction(means, centre, g, basis)
-        evaluate(x, y, z, degree, basis, values)
-        red, green, blue = series(sh_dc, sh_rest, g, degree, basis, values)
-        colours[g, 0], colours[g, 1], colours[g, 2] = lit(red), lit(green), lit(blue)
+@inlined
+def prefetch_block(sh_rest, pitch, row, stop, degrees):
+    """Ask for the coefficients of the sixteen Gaussians from `row` on, up to the highest of their degrees (lanes).
 
-
-@njit(cache=True, nogil=True)
-def harmonic_gradients(
-    sh_dc, sh_rest, means, centre, basis, values, weights, degree, start, stop, gradient, g_dc, g_rest, g_means
-):
-    """Carry gradients by the colours back; where a colour was cut at 0, it passes nothing on.
-
-    Arguments as of `harmonic_colours`; `weights` is space as `values` is. What lies beyond `degree` in `g_rest` is left alone.
+    All rows, though some may not be needed: lines left out here and there cost more than they save.
     """
-    zero = basis[0] - basis[0]  # of the arrays' dtype
-    for g in range(start, stop):
-        x, y, z, inverse = direction(means, centre, g, basis)
-        evaluate(x, y, z, degree, basis, values)
-        red, green, blue = series(sh_dc, sh_rest, g, degree, basis, values)
-        red = gradient[g, 0] if red > 0 else zero
-        green = gradient[g, 1] if green > 0 else zero
-        blue = gradient[g, 2] if blue > 0 else zero
-        g_dc[g, 0], g_dc[g, 1], g_dc[g, 2] = basis[0] * red, basis[0] * green, basis[0] * blue
-        dx, dy, dz = zero, zero, zero
-        if degree > 0:
-            for k in range((degree + 1) ** 2 - 1):
-                value = values[k + 1]
-                g_rest[g, k, 0], g_rest[g, k, 1], g_rest[g, k, 2] = value * red, value * green, value * blue
-                weights[k + 1] = red * sh_rest[g, k, 0] + green * sh_rest[g, k, 1] + blue * sh_rest[g, k, 2]
-            dx, dy, dz = slope(x, y, z, degree, basis, weights)
-        radial = x * dx + y * dy + z * dz
-        g_means[g, 0] = (dx - x * radial) * inverse
-        g_means[g, 1] = (dy - y * radial) * inverse
-        g_means[g, 2] = (dz - z * radial) * inverse
+    numbers = (
+        3 * 15 if some(degrees >= F(3)) else 3 * 8 if some(degrees >= F(2)) else 3 * 3 if some(degrees >= F(1)) else 0
+    )
+    for g in range(row, min(row + LANES, stop)):
+        for k in range(pitch * g, pitch * g + numbers, LANES):
+            prefetch(sh_rest, k)
+        prefetch(sh_rest, pitch * g + max(numbers - 1, 0))
+
+
+@inlined
+def active(degrees, row, count, degree):
+    """Give the degrees of `count` Gaussians, at most `degree` (as lanes), 0 in the lanes beyond; `degrees` may be empty for no limit."""
+    if len(degrees) == 0:
+        return select(first_lanes(count), degree, zeros())
+    return minimum(load_first(degrees, row, count), degree)
+
+
+@njit(cache=True, nogil=True)
+def harmonic_colours(start, stop, sh_dc, sh_rest, means, centre, degree, degrees, colours):
+    """Write max(SH + 0.5, 0) of the Gaussians `start` to `stop`. All arrays are contiguous float32 but `degrees`.
+
+    A broken coefficient gives a broken colour, which the rasteriser notices.
+
+    Args:
+        start: first row.
+        stop: end of the range.
+        sh_dc: (n, 3).
+        sh_rest: (n, k, 3) with k of at least (degree + 1)^2 - 1.
+        means: (n, 3) world.
+        centre: (3,) of the camera.
+        degree: 0 to 3; higher coefficients are not looked at.
+        degrees: (n,) uint8, of each Gaussian; higher coefficients of it are not looked at either; empty for no such limit.
+        colours: (n, 3 or 4) out; a fourth column stays as it is.
+    """
+    pitch, width = 3 * sh_rest.shape[1], colours.shape[1]
+    sh_dc, sh_rest, means = sh_dc.reshape(sh_dc.size), sh_rest.reshape(sh_rest.size), means.reshape(means.size)
+    colours = colours.reshape(colours.size)
+    highest = splat(F(degree))
+    for row in range(start, stop, LANES):
+        count = stop - row
+        x, y, z, _ = directions(means, 3 * row, count, centre)
+        red, green, blue = load_columns(sh_dc, 3 * row, 3, count)
+        half, constant = splat(F(0.5)), splat(BASIS[0])
+        red, green, blue = fma(red, constant, half), fma(green, constant, half), fma(blue, constant, half)
+        level, at = active(degrees, row, count, highest), pitch * row
+        prefetch_block(sh_rest, pitch, row + AHEAD, stop, active(degrees, row + AHEAD, stop - row - AHEAD, highest))
+        wanted = level >= F(1)
+        if some(wanted):
+            b = first_degree(x, y, z)
+            c = load_wide(sh_rest, at, pitch, 9, wanted)
+            red = fma(b[0], c[0], fma(b[1], c[3], fma(b[2], c[6], red)))
+            green = fma(b[0], c[1], fma(b[1], c[4], fma(b[2], c[7], green)))
+            blue = fma(b[0], c[2], fma(b[1], c[5], fma(b[2], c[8], blue)))
+        wanted = level >= F(2)
+        if some(wanted):
+            b = second_degree(x, y, z)
+            c = load_wide(sh_rest, at + 9, pitch, 15, wanted)
+            red = fma(b[0], c[0], fma(b[1], c[3], fma(b[2], c[6], fma(b[3], c[9], fma(b[4], c[12], red)))))
+            green = fma(b[0], c[1], fma(b[1], c[4], fma(b[2], c[7], fma(b[3], c[10], fma(b[4], c[13], green)))))
+            blue = fma(b[0], c[2], fma(b[1], c[5], fma(b[2], c[8], fma(b[3], c[11], fma(b[4], c[14], blue)))))
+        wanted = level >= F(3)
+        if some(wanted):
+            b = third_degree(x, y, z)
+            c, d = third_columns(sh_rest, at, pitch, wanted)
+            red = fma(b[0], c[0], fma(b[1], c[3], fma(b[2], c[6], fma(b[3], c[9], fma(b[4], c[12], red)))))
+            green = fma(b[0], c[1], fma(b[1], c[4], fma(b[2], c[7], fma(b[3], c[10], fma(b[4], c[13], green)))))
+            blue = fma(b[0], c[2], fma(b[1], c[5], fma(b[2], c[8], fma(b[3], c[11], fma(b[4], c[14], blue)))))
+            red = fma(b[5], c[15], fma(b[6], d[2], red))
+            green = fma(b[5], d[0], fma(b[6], d[3], green))
+            blue = fma(b[5], d[1], fma(b[6], d[4], blue))
+        columns = (
+            maximum(zeros(), red),
+            maximum(zeros(), green),
+            maximum(zeros(), blue),
+        )  # what is not a number stays so
+        if width == 4:
+            store_columns(colours, 4 * row, 4, count, columns)
+        else:
+            store_columns(colours, 3 * row, 3, count, columns)
+
+
+@inlined
+def weight(columns, k, red, green, blue):
+    """Give the gradient by a basis function whose coefficients are three columns from `k` on."""
+    return fma(red, columns[k], fma(green, columns[k + 1], blue * columns[k + 2]))
+
+
+@inlined
+def first_slope(c, red, green, blue):
+    """Give the gradient by the vector, each basis function of degree 1 taken as a polynomial of x, y and z."""
+    return (
+        weight(c, 6, red, green, blue) * BASIS[3],
+        weight(c, 0, red, green, blue) * BASIS[1],
+        weight(c, 3, red, green, blue) * BASIS[2],
+    )
+
+
+@inlined
+def second_slope(x, y, z, c, red, green, blue):
+    """Give the same of degree 2."""
+    xy, yz = weight(c, 0, red, green, blue) * BASIS[4], weight(c, 3, red, green, blue) * BASIS[5]
+    zz, xz = weight(c, 6, red, green, blue) * BASIS[6], weight(c, 9, red, green, blue) * BASIS[7]
+    xx = weight(c, 12, red, green, blue) * BASIS[8]
+    return (
+        fma(xy, y, fma(xz, z, F(2) * x * (xx - zz))),
+        fma(xy, x, fma(yz, z, F(-2) * y * (xx + zz))),
+        fma(yz, y, fma(xz, x, F(4) * z * zz)),
+    )
+
+
+@inlined
+def third_slope(x, y, z, c, d, red, green, blue):
+    """Give the same of degree 3."""
+    a0, a1 = weight(c, 0, red, green, blue) * BASIS[9], weight(c, 3, red, green, blue) * BASIS[10]
+    a2, a3 = weight(c, 6, red, green, blue) * BASIS[11], weight(c, 9, red, green, blue) * BASIS[12]
+    a4 = weight(c, 12, red, green, blue) * BASIS[13]
+    a5 = fma(red, c[15], fma(green, d[0], blue * d[1])) * BASIS[14]
+    a6 = weight(d, 2, red, green, blue) * BASIS[15]
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    across = F(3) * (xx - yy)
+    return (
+        F(6) * xy * a0 + yz * a1 - F(2) * xy * a2 - F(6) * xz * a3 + (F(4) * zz - F(3) * xx - yy) * a4 + F(2) * xz * a5 + across * a6,
+        across * a0 + xz * a1 + (F(4) * zz - xx - F(3) * yy) * a2 - F(6) * yz * a3 - F(2) * xy * a4 - F(2) * yz * a5 - F(6) * xy * a6,
+        xy * a1 + F(8) * yz * a2 + (F(6) * zz - F(3) * (xx + yy)) * a3 + F(8) * xz * a4 + (xx - yy) * a5,
+    )  # fmt: skip
+
+
+@inlined
+def passed_on(colour, slope):
+    """Give the gradient where the colour was not cut at 0, 0 elsewhere."""
+    return select(colour > F(0), slope, zeros())
+
+
+@njit(cache=True, nogil=True)
+def harmonic_gradients(start, stop, sh_rest, means, centre, degree, colours, gradient, cut, g_means):
+    """Carry gradients by the colours of the Gaussians `start` to `stop` back. All arrays are contiguous float32.
+
+    Args:
+        start: first row.
+        stop: end of the range.
+        sh_rest: (n, k, 3).
+        means: (n, 3).
+        centre: (3,).
+        degree: 0 to 3.
+        colours: (n, 3 or 4) what `harmonic_colours` gave.
+        gradient: (n, 3 or 4) by the colours, as wide; a fourth column is not looked at.
+        cut: (n, 3) out: `gradient` where the colour was not cut at 0, 0 elsewhere.
+        g_means: (n, 3) added to.
+    """
+    pitch, width = 3 * sh_rest.shape[1], colours.shape[1]
+    sh_rest, means = sh_rest.reshape(sh_rest.size), means.reshape(means.size)
+    colours, gradient = colours.reshape(colours.size), gradient.reshape(gradient.size)
+    cut, g_means = cut.reshape(cut.size), g_means.reshape(g_means.size)
+    for row in range(start, stop, LANES):
+        count, at = stop - row, pitch * row
+        if width == 4:
+            red, green, blue, _ = load_columns(colours, 4 * row, 4, count)
+            g_red, g_green, g_blue, _ = load_columns(gradient, 4 * row, 4, count)
+        else:
+            red, green, blue = load_columns(colours, 3 * row, 3, count)
+            g_red, g_green, g_blue = load_columns(gradient, 3 * row, 3, count)
+        red, green, blue = passed_on(red, g_red), passed_on(green, g_green), passed_on(blue, g_blue)
+        store_columns(cut, 3 * row, 3, count, (red, green, blue))
+        size = absolute(red) + absolute(green) + absolute(blue)
+        wanted = select(size <= F(0), zeros(), splat(F(degree))) > F(
+            0
+        )  # what is not a number is, so that it does not hide
+        if not some(wanted):
+            continue
+        prefetch_block(
+            sh_rest, pitch, row + AHEAD, stop, splat(F(degree))
+        )  # what follows something seen is likely to be seen, too
+        x, y, z, inverse = directions(means, 3 * row, count, centre)
+        dx, dy, dz = first_slope(load_wide(sh_rest, at, pitch, 9, wanted), red, green, blue)
+        if degree > 1:
+            c = load_wide(sh_rest, at + 9, pitch, 15, wanted)
+            ex, ey, ez = second_slope(x, y, z, c, red, green, blue)
+            dx, dy, dz = dx + ex, dy + ey, dz + ez
+        if degree > 2:
+            c, d = third_columns(sh_rest, at, pitch, wanted)
+            ex, ey, ez = third_slope(x, y, z, c, d, red, green, blue)
+            dx, dy, dz = dx + ex, dy + ey, dz + ez
+        radial = fma(x, dx, fma(y, dy, z * dz))
+        mx, my, mz = load_columns(g_means, 3 * row, 3, count)
+        mx = fma(dx - x * radial, inverse, mx)
+        my = fma(dy - y * radial, inverse, my)
+        mz = fma(dz - z * radial, inverse, mz)
+        store_columns(g_means, 3 * row, 3, count, (mx, my, mz))
+
+
+@inlined
+def rest_gradients(means, cut, row, count, centre, degree, gradient):
+    """Write the gradients by the coefficients of degree 1 and up of the sixteen Gaussians from `row` on.
+
+    Args:
+        means: flat (n, 3).
+        cut: flat (n, 3) gradient by the colours, as `harmonic_gradients` gives it.
+        row: first Gaussian.
+        count: so many of them there are; if more than sixteen, sixteen.
+        centre: (3,) of the camera.
+        degree: 1 to 3, in use.
+        gradient: flat (16, 15, 3) out, zero beyond `degree` and `count`.
+    """
+    x, y, z, _ = directions(means, 3 * row, count, centre)
+    colours = load_columns(cut, 3 * row, 3, count)
+    second, third = splat(F(degree > 1)), splat(F(degree > 2))
+    a, b, c = first_degree(x, y, z), second_degree(x, y, z), third_degree(x, y, z)
+    store_products(gradient, 0, (
+        *a, b[0] * second, b[1] * second, b[2] * second, b[3] * second, b[4] * second,
+        c[0] * third, c[1] * third, c[2] * third, c[3] * third, c[4] * third, c[5] * third, c[6] * third,
+    ), colours)  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def coefficient_gradients(start, stop, means, centre, degree, cut, g_rest):
+    """Add the gradients by the coefficients of the Gaussians `start` to `stop` to (n, k, 3), for who wants them in memory."""
+    means, cut, numbers = means.reshape(means.size), cut.reshape(cut.size), 3 * g_rest.shape[1]
+    g_rest, gradient = g_rest.reshape(g_rest.size), np.empty(LANES * NUMBERS, np.float32)
+    for row in range(start, stop, LANES):
+        rest_gradients(means, cut, row, stop - row, centre, degree, gradient)
+        for g in range(min(LANES, stop - row)):
+            for k in range(numbers):
+                g_rest[numbers * (row + g) + k] += gradient[NUMBERS * g + k]

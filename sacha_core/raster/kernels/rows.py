@@ -27,7 +27,7 @@ from sacha_core.raster.kernels.lanes import (
     transposed,
 )
 
-__all__ = ["first_lanes", "load_columns", "load_wide", "store_columns", "store_wide"]
+__all__ = ["first_lanes", "load_columns", "load_wide", "store_columns", "store_products"]
 
 NOTHING = ir.Constant(VECTOR, None)
 UNDEFINED = ir.Constant(VECTOR, ir.Undefined)
@@ -46,7 +46,7 @@ def first_lanes(typingctx, count):
 @intrinsic(prefer_literal=True)
 def load_columns(typingctx, array, index, width, count):
     """Give the columns of `count` rows of `width` (a literal, up to 4) numbers of a flat float32 array from `index` on, zero beyond."""
-    if not isinstance(width, types.IntegerLiteral):
+    if not isinstance(width, types.IntegerLiteral) or array.dtype != types.float32:
         return None
     step = width.literal_value
 
@@ -67,7 +67,7 @@ def load_columns(typingctx, array, index, width, count):
 @intrinsic(prefer_literal=True)
 def store_columns(typingctx, array, index, width, count, columns):
     """Write the first columns of `count` rows of `width` (a literal, up to 4) numbers; what the rows hold beyond stays."""
-    if not isinstance(width, types.IntegerLiteral):
+    if not isinstance(width, types.IntegerLiteral) or array.dtype != types.float32:
         return None
     step = width.literal_value
 
@@ -90,7 +90,7 @@ def store_columns(typingctx, array, index, width, count, columns):
 @intrinsic(prefer_literal=True)
 def load_wide(typingctx, array, index, pitch, width, wanted):
     """Give `width` (a literal, up to 16) columns of sixteen rows `pitch` numbers apart; rows not wanted are zero and not touched."""
-    if not isinstance(width, types.IntegerLiteral):
+    if not isinstance(width, types.IntegerLiteral) or array.dtype != types.float32:
         return None
     numbers = width.literal_value
 
@@ -111,17 +111,33 @@ def load_wide(typingctx, array, index, pitch, width, wanted):
 
 
 @intrinsic
-def store_wide(typingctx, array, index, pitch, columns):
-    """Write sixteen rows of sixteen numbers, given as a tuple of columns, `pitch` numbers apart."""
+def store_products(typingctx, array, index, values, factors):
+    """Write for each of sixteen lanes a table of all products of values and factors, row after row of factors.
+
+    `values` are up to sixteen and `factors` up to four vectors; a table has at least sixteen numbers.
+    """
+    if array.dtype != types.float32:
+        return None
 
     def codegen(context, builder, signature, args):
+        values, factors = (cgutils.unpack_tuple(builder, arg) for arg in args[2:])
+        width, numbers = len(factors), len(values) * len(factors)
+        padding = [UNDEFINED] * LANES
+        lists = [transposed(builder, (vectors + padding)[:LANES]) for vectors in (values, factors)]
         place = address(context, builder, signature.args[0], args[0], args[1])
-        for row in transposed(builder, cgutils.unpack_tuple(builder, args[3])):
-            builder.store(row, builder.bitcast(place, VECTOR.as_pointer()), align=4)
-            place = builder.gep(place, [args[2]])
+        for value, factor in zip(*lists, strict=True):
+            for first in [*range(0, numbers - LANES, LANES), numbers - LANES]:
+                places = [divmod(first + lane, width) for lane in range(LANES)]
+                parts = [
+                    shuffle(builder, vector, vector, [at[k] for at in places])
+                    for k, vector in enumerate((value, factor))
+                ]
+                target = builder.bitcast(builder.gep(place, [INT(first)]), VECTOR.as_pointer())
+                builder.store(builder.fmul(*parts), target, align=4)
+            place = builder.gep(place, [INT(numbers)])
         return context.get_dummy_value()
 
-    return types.void(array, types.intp, types.intp, columns), codegen
+    return types.void(array, types.intp, values, factors), codegen
 
 
 def joined(builder, parts):

@@ -7,7 +7,21 @@ import math
 import numpy as np
 from numba import njit
 
-from sacha_core.raster.kernels.harmonics import direction, evaluate
+from sacha_core.raster.kernels.harmonics import NUMBERS, rest_gradients
+from sacha_core.raster.kernels.lanes import (
+    LANES,
+    absolute,
+    fma,
+    inlined,
+    load,
+    load_first,
+    select,
+    splat,
+    square_root,
+    store,
+    store_first,
+    zeros,
+)
 
 TINIEST = np.float32(1e-37)  # just above where float32 becomes denormal and arithmetic slow
 FAST = {"contract", "nsz", "arcp", "reassoc"}
@@ -42,22 +56,64 @@ def adam_range(value, gradient, mean, square, rate, beta1, beta2, rest1, rest2, 
         value[i] -= rate * m / (math.sqrt(s) * square_correction + epsilon)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@inlined
+def stepped(
+    value, gradient, mean, square, at, count, slopes, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
+):
+    """Step up to sixteen values from `at` on by their gradients; else as `adam_range`, rounded a little otherwise."""
+    slope = load_first(gradient, slopes, count)
+    m = fma(splat(beta1), load_first(mean, at, count), slope * rest1)
+    s = fma(splat(beta2), load_first(square, at, count), slope * slope * rest2)
+    m = select(absolute(m) > TINIEST, m, zeros())
+    s = select(s > TINIEST, s, zeros())
+    length = fma(square_root(s), splat(square_correction), splat(epsilon))
+    store_first(value, at, count, load_first(value, at, count) - m * rate / length)
+    store_first(mean, at, count, m)
+    store_first(square, at, count, s)
+
+
+@njit(cache=True, nogil=True)
 def harmonics_range(
-    start, stop, degree, basis, means, centres, cuts, value, mean, square, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
+    start, stop, degree, means, centres, cuts, value, mean, square, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
 ):  # fmt: skip
-    """Step the harmonics of degree 1 to `degree` of the Gaussians `start` to `stop`."""
-    values, gradient = np.zeros(16, np.float32), np.zeros(45, np.float32)
-    width = 3 * ((degree + 1) ** 2 - 1)
-    for g in range(start, stop):
-        gradient[:] = 0
-        for view in range(len(centres)):
-            x, y, z, _ = direction(means, centres[view], g, basis)
-            evaluate(x, y, z, degree, basis, values)
-            for k in range((degree + 1) ** 2 - 1):
-                for c in range(3):
-                    gradient[3 * k + c] += values[k + 1] * cuts[view][g, c]
-        adam_range(
-            value[g, :width], gradient[:width], mean[g, :width], square[g, :width],
-            rate, beta1, beta2, rest1, rest2, epsilon, square_correction,
-        )  # fmt: skip
+    """Step the harmonics of degree 1 and up of the Gaussians `start` to `stop`, whose gradients are never written to memory.
+
+    Coefficients beyond `degree` have no gradient and stay, if they never had one.
+
+    Args:
+        start: first row.
+        stop: end of the range.
+        degree: of the harmonics in use, 1 to 3.
+        means: (n, 3) world, metres.
+        centres: (3,) of the camera of each view.
+        cuts: (n, 3) gradient by the colours of each view.
+        value: (n, k, 3) changed, as are the next two.
+        mean: (n, k, 3) first moment.
+        square: (n, k, 3) second moment.
+        rate: as of `adam_range`, as are the others.
+        beta1: see there.
+        beta2: see there.
+        rest1: see there.
+        rest2: see there.
+        epsilon: see there.
+        square_correction: see there.
+    """
+    slopes, more = np.empty(LANES * NUMBERS, np.float32), np.empty(LANES * NUMBERS, np.float32)
+    means, pitch = means.reshape(means.size), 3 * value.shape[1]
+    value, mean, square = value.reshape(value.size), mean.reshape(mean.size), square.reshape(square.size)
+    for row in range(start, stop, LANES):
+        count = min(stop - row, LANES)
+        rest_gradients(means, cuts[0].reshape(cuts[0].size), row, count, centres[0], degree, slopes)
+        for view in range(1, len(centres)):
+            rest_gradients(means, cuts[view].reshape(cuts[view].size), row, count, centres[view], degree, more)
+            for k in range(0, LANES * NUMBERS, LANES):
+                store(slopes, k, load(slopes, k) + load(more, k))
+        if pitch < NUMBERS:
+            for g in range(count):
+                for k in range(pitch):
+                    slopes[pitch * g + k] = slopes[NUMBERS * g + k]
+        for k in range(0, pitch * count, LANES):
+            stepped(
+                value, slopes, mean, square, pitch * row + k, pitch * count - k, k,
+                rate, beta1, beta2, rest1, rest2, epsilon, square_correction,
+            )  # fmt: skip
