@@ -28,7 +28,7 @@ N_GOOD, DEGREE = 40, 3
 PLACES = np.array([0, 3, 15, 16, 44])  # first and last of a block of sixteen, and in the last, incomplete one
 
 VANISHES = "vanish: the others unchanged to the bit"
-DRAWN = "be drawn, with gradients, as the exact compositor does"
+DRAWN = "be drawn as by the exact compositor"
 REFUSED = "be refused by name"
 TITLES = {VANISHES: " of no Gaussian", DRAWN: " at the ends of float32", REFUSED: " of no colour"}
 
@@ -58,8 +58,7 @@ def cases(full: bool = False) -> Iterator[Case]:  # noqa: ARG001 (there is nothi
         (COLOURLESS, REFUSED, _refused),
     ):
         for name, values in table.items():
-            whose = f"of five Gaussians among {N_GOOD}" if check is not _refused else "one number of one Gaussian"
-            given = f"{', '.join(f'{value:.3g}' for value in values)}; {whose}"
+            given = ", ".join(f"{value:.3g}" for value in values)
             yield Case(f"{name}{TITLES[must]}", given, must, partial(check, name, values))
 
 

@@ -94,8 +94,8 @@ def noise(camera: Camera) -> Float[np.ndarray, "4 h w"]:
 def watch(findings: Findings, splats: Splats, camera: Camera) -> Drawn:
     """Draw, and require what must always be: every number finite, nothing from what is not seen, the same for 1 and 2 threads."""
     one, two = drawn(splats, camera), drawn(splats, camera, threads=2)
-    findings.finite("everything", one.arrays)
-    findings.same_bits("on 1 and 2 threads", two.arrays, one.arrays)
+    findings.finite("all", one.arrays)
+    findings.same_bits("1 and 2 threads", two.arrays, one.arrays)
     unseen = one.of(~one.visible)
     if any(unseen[name].any() for name in (*FIELDS, "means_2d")):
         findings.require(holds=False, statement="gradients only where a Gaussian is seen")

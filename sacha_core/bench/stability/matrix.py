@@ -36,8 +36,14 @@ class Family:
 
 
 FAMILIES = {
-    "raster": Family("Splats as none should be, drawn forward and backward.", raster.cases),
-    "avatar": Family("Values of an avatar's own parameters, on their way to the picture.", avatar.cases),
+    "raster": Family(
+        "Splats as none should be, drawn forward and backward: five of them alone, and among 37 good ones.",
+        raster.cases,
+    ),
+    "avatar": Family(
+        "Values of an avatar's own parameters, on their way to the picture: of five Gaussians alone, and among 40 good ones.",
+        avatar.cases,
+    ),
     "triangles": Family("Triangles that are hard to carry anything.", triangles.cases),
     "posing": Family("FLAME's parameters at their extremes.", posing.cases),
     "gradients": Family("Gradients of the whole chain, from the loss to every parameter.", gradients.cases),
