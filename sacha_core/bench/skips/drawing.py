@@ -14,7 +14,7 @@ from sacha_core.bench.skips.skip import Work, apart
 from sacha_core.perception.image_loss import ImageLoss
 from sacha_core.raster.bounds import image_bounds
 from sacha_core.raster.camera import Camera
-from sacha_core.raster.harmonics import sh_colours
+from sacha_core.raster.harmonics import degrees_in_use, sh_colours
 from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.splats import Splats
@@ -36,6 +36,7 @@ def drawing_skips(preset: Preset) -> Iterator[Work]:
     yield out_of_sight(n, camera, pool)
     yield sensitivity_channel(n, camera, pool)
     yield inactive_harmonics(n, pool)
+    yield zero_harmonics(n, pool)
 
 
 @dataclass
@@ -156,6 +157,22 @@ def inactive_harmonics(n: int, pool: Pool) -> Work:
     return Work(
         "harmonics beyond the degree in use (1 of 3)", lambda: colours(1), lambda: colours(3),
         lambda: apart(colours(1).copy(), colours(3)), f"{PROOFS}::test_inactive_harmonics",
+    )  # fmt: skip
+
+
+def zero_harmonics(n: int, pool: Pool) -> Work:
+    """Colours of Gaussians of which every other has no harmonics beyond degree 0, as in files of a low level."""
+    rng, centre = np.random.default_rng(3), np.array([0.1, 0.2, 1.5], np.float32)
+    dc, rest, means = (rng.normal(size=shape).astype(np.float32) for shape in ((n, 3), (n, 15, 3), (n, 3)))
+    rest[rng.random(n) < 0.5] = 0
+    degrees = degrees_in_use(rest)
+
+    def colours(known: bool) -> np.ndarray:
+        return sh_colours(dc, rest, means, centre, 3, pool, degrees if known else None)
+
+    return Work(
+        "harmonics that are zero (of half the Gaussians)", lambda: colours(known=True), lambda: colours(known=False),
+        lambda: apart(colours(known=True), colours(known=False)), f"{PROOFS}::test_harmonics_that_are_zero",
     )  # fmt: skip
 
 

@@ -30,12 +30,16 @@ def file_skips(preset: Preset) -> Iterator[Bytes]:
     zero = encode(replace(avatar, gaussians=replace(gaussians, sh_rest=np.zeros_like(gaussians.sh_rest))), head=head)
     back = decode(zero, head=head).gaussians.sh_rest
     yield Bytes(
-        "harmonics that are zero", len(zero), len(plain), apart(back, 0), f"{CODEC}::test_harmonics_that_are_zero"
+        "harmonics that are zero, in a file",
+        len(zero),
+        len(plain),
+        apart(back, 0),
+        f"{CODEC}::test_harmonics_that_are_zero",
     )
     learned = np.ones(len(gaussians), np.float32)
     same = encode(replace(avatar, gaussians=replace(gaussians, sensitivity_logit=learned)), head=head)
     yield Bytes(
-        "sensitivity, which only training needs (else as float32)", len(plain), len(plain) + learned.nbytes,
+        "sensitivity, in a file (else as float32)", len(plain), len(plain) + learned.nbytes,
         float(same != plain), f"{CODEC}::test_sensitivity",
     )  # fmt: skip
     offsets = np.random.default_rng(preset.seed).normal(0, 1e-4, (head.n_vertices, 3)).astype(np.float32)
@@ -45,7 +49,7 @@ def file_skips(preset: Preset) -> Iterator[Bytes]:
     kept = decode(none, head=head).motion
     assert kept is not None
     yield Bytes(
-        "vertex offsets that are zero",
+        "vertex offsets that are zero, in a file",
         len(none),
         len(some),
         apart(kept.static_offset, 0),
@@ -57,7 +61,11 @@ def file_skips(preset: Preset) -> Iterator[Bytes]:
     found = decode(still, head=head).motion
     moved = max(apart(getattr(found, name), getattr(found, name)[:1]) for name in DYNAMIC)
     yield Bytes(
-        "motion that rests", len(still) - without, len(plain) - without, moved, f"{CODEC}::test_motion_that_rests"
+        "motion that rests, in a file",
+        len(still) - without,
+        len(plain) - without,
+        moved,
+        f"{CODEC}::test_motion_that_rests",
     )
 
 
