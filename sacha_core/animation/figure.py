@@ -19,7 +19,7 @@ from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import HeadMotion
 from sacha_core.raster.bounds import pixel_box
 from sacha_core.raster.camera import Camera
-from sacha_core.raster.harmonics import ALL_DEGREES
+from sacha_core.raster.harmonics import degrees_in_use
 from sacha_core.raster.kernels.bounds import reach
 from sacha_core.raster.kernels.harmonics import harmonic_colours
 from sacha_core.raster.kernels.layout import ALPHA_MIN
@@ -77,6 +77,9 @@ class Figure:
         with np.errstate(over="ignore"):  # a Gaussian without end is culled when it is drawn
             self._scale = np.exp(gaussians.log_scale)
         self._degree = gaussians.sh_degree if degree is None else degree
+        self._degrees = degrees_in_use(
+            gaussians.sh_rest
+        )  # most coefficients of a small file are zero, and cost nothing
         self._bounds = block_bounds(len(gaussians), BLOCK, pool.threads)
         self._world = room_for(len(gaussians))
         self._given = colours is not None
@@ -153,7 +156,8 @@ class Figure:
     def _colour(self, start: int, stop: int, centre: Float[np.ndarray, "3"]) -> None:
         gaussians = self._gaussians
         harmonic_colours(
-            start, stop, gaussians.sh_dc, gaussians.sh_rest, self._world[0], centre, self._degree, ALL_DEGREES, self._colours,
+            start, stop, gaussians.sh_dc, gaussians.sh_rest, self._world[0], centre, self._degree, self._degrees,
+            self._colours,
         )  # fmt: skip
 
     def _colours_are_stale(self, centre: Float[np.ndarray, "3"]) -> bool:

@@ -129,6 +129,19 @@ def test_leaving_out_what_is_too_faint_changes_no_bit(
             np.testing.assert_array_equal(player.frame(1, camera_from()), whole.frame(1, camera_from()))
 
 
+def test_leaving_out_harmonics_that_are_zero_changes_no_bit(head: HeadModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    gaussians = random_gaussians(head.n_faces, 600)
+    for first, coefficient in ((0, 0), (1, 3), (2, 8)):
+        gaussians.sh_rest[first::4, coefficient:] = 0
+    gaussians.position[:] /= 4
+    gaussians.log_scale[:] -= 1.5
+    with Player(gaussians, head, options=FLOATS) as player:
+        assert np.bincount(player._figure._degrees).min() > 100
+        monkeypatch.setattr(figure_module, "degrees_in_use", lambda rest: np.full(len(rest), 3, np.uint8))
+        with Player(gaussians, head, options=FLOATS) as whole:
+            np.testing.assert_array_equal(player.frame(0, camera_from()), whole.frame(0, camera_from()))
+
+
 def test_bytes_are_the_rounded_floats(stream: bytes, head: HeadModel) -> None:
     with Player.open(stream, head) as player, Player.open(stream, head, FLOATS) as floats:
         blended = floats.frame(2, camera_from())

@@ -28,16 +28,16 @@ def carry(
         f = binding[i]
         k = f_scale[f]
         px, py, pz = k * position[i, 0], k * position[i, 1], k * position[i, 2]
-        r, o = f_rotation[f], f_origin[f]
-        means[i, 0] = r[0, 0] * px + r[0, 1] * py + r[0, 2] * pz + o[0]
-        means[i, 1] = r[1, 0] * px + r[1, 1] * py + r[1, 2] * pz + o[1]
-        means[i, 2] = r[2, 0] * px + r[2, 1] * py + r[2, 2] * pz + o[2]
+        for c in range(3):  # no slice of the frame, which would cost counting references to it
+            means[i, c] = (
+                f_rotation[f, c, 0] * px + f_rotation[f, c, 1] * py + f_rotation[f, c, 2] * pz + f_origin[f, c]
+            )
         scales[i, 0], scales[i, 1], scales[i, 2] = k * scale[i, 0], k * scale[i, 1], k * scale[i, 2]
         w, x, y, z = quaternion[i, 0], quaternion[i, 1], quaternion[i, 2], quaternion[i, 3]
         norm = max(math.sqrt(w * w + x * x + y * y + z * z), smallest)
         w, x, y, z = w / norm, x / norm, y / norm, z / norm
-        a, b, c, d = f_quaternion[f, 0], f_quaternion[f, 1], f_quaternion[f, 2], f_quaternion[f, 3]
-        turned[i, 0] = a * w - b * x - c * y - d * z
-        turned[i, 1] = a * x + b * w + c * z - d * y
-        turned[i, 2] = a * y - b * z + c * w + d * x
-        turned[i, 3] = a * z + b * y - c * x + d * w
+        aw, ax, ay, az = f_quaternion[f, 0], f_quaternion[f, 1], f_quaternion[f, 2], f_quaternion[f, 3]
+        turned[i, 0] = aw * w - ax * x - ay * y - az * z
+        turned[i, 1] = aw * x + ax * w + ay * z - az * y
+        turned[i, 2] = aw * y - ax * z + ay * w + az * x
+        turned[i, 3] = aw * z + ax * y - ay * x + az * w

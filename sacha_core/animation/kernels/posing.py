@@ -121,10 +121,10 @@ def skin(unposed, weights, transforms, translation, vertices):
         for j in range(weights.shape[1]):
             weight = weights[v, j]
             if weight != 0:
-                a, b, c = transforms[j, 0], transforms[j, 1], transforms[j, 2]
-                px += weight * (a[0] * x + a[1] * y + a[2] * z + a[3])
-                py += weight * (b[0] * x + b[1] * y + b[2] * z + b[3])
-                pz += weight * (c[0] * x + c[1] * y + c[2] * z + c[3])
+                t = transforms
+                px += weight * (t[j, 0, 0] * x + t[j, 0, 1] * y + t[j, 0, 2] * z + t[j, 0, 3])
+                py += weight * (t[j, 1, 0] * x + t[j, 1, 1] * y + t[j, 1, 2] * z + t[j, 1, 3])
+                pz += weight * (t[j, 2, 0] * x + t[j, 2, 1] * y + t[j, 2, 2] * z + t[j, 2, 3])
         vertices[v, 0], vertices[v, 1], vertices[v, 2] = px, py, pz
 
 
