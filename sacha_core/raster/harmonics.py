@@ -117,7 +117,7 @@ def sh_rest_gradient(
 
 def degrees_in_use(sh_rest: Float[np.ndarray, "n k 3"]) -> UInt8[np.ndarray, " n"]:
     """Give the degree beyond which all of a Gaussian's coefficients are zero, 0 to 3."""
-    used: np.ndarray = sh_rest.any(axis=2)
+    used = np.any(sh_rest, axis=2)
     degrees = np.zeros(len(used), np.uint8)
     for degree in (1, 2, 3):
         degrees[used[:, degree**2 - 1 : (degree + 1) ** 2 - 1].any(axis=1)] = degree
