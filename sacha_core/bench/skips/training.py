@@ -9,8 +9,12 @@ import numpy as np
 from sacha_core.bench.preset import Preset
 from sacha_core.bench.scenes import cameras_around, made_avatar
 from sacha_core.bench.skips.skip import Work, apart
+from sacha_core.raster.harmonics import sh_rest_gradient
+from sacha_core.raster.pool import Pool
 from sacha_core.train.cpu_engine import CpuEngine
 from sacha_core.train.density_control import SeenWeights, calibrate
+from sacha_core.train.gradients import ViewColours
+from sacha_core.train.optimiser import step_gaussians
 from sacha_core.train.options import DensityOptions, PruningOptions, TrainOptions
 from sacha_core.train.regions import head_regions
 from sacha_core.train.state import initial_state
@@ -49,7 +53,32 @@ def training_skips(preset: Preset) -> Iterator[Work]:
     def looked() -> np.ndarray:
         return thresholds(SeenWeights(engine.weights(targets, 1), len(targets)))
 
+    yield resting_coefficients(n, preset)
     yield Work(
         f"regions that calibration leaves alone: {views} views that nothing asks for", lambda: thresholds(None), looked,
         lambda: apart(thresholds(None), looked()), "tests/skips/test_skips_training.py::test_importance_pass",
     )  # fmt: skip
+
+
+def resting_coefficients(n: int, preset: Preset) -> Work:
+    """Step the harmonics in use, of degree 1; the plain way, all 15 coefficients of each Gaussian."""
+    avatar, _ = made_avatar(n, 3, 1)
+    assert avatar.motion is not None
+    states = [initial_state(avatar.gaussians, avatar.motion, 1, 0.0, 0.0) for _ in range(2)]
+    rng, centre, pool = np.random.default_rng(preset.seed), np.array([0.1, 0.2, 1.5], np.float32), Pool(preset.threads)
+    means, cut = (rng.normal(size=(n, 3)).astype(np.float32) for _ in range(2))
+    colours, gradient, rates = ViewColours(centre, cut), sh_rest_gradient(means, centre, 1, cut, 15), {"sh_rest": 1e-3}
+
+    def active() -> None:
+        step_gaussians(states[0], {}, means, [colours], 1, rates, pool)
+
+    def every() -> None:
+        step_gaussians(states[1], {"sh_rest": gradient}, means, [], 1, rates, pool)
+
+    def error() -> float:
+        active()
+        every()
+        return apart(*(state.values["sh_rest"] for state in states))
+
+    proof = "tests/skips/test_skips_training.py::test_coefficients_at_rest_in_adam"
+    return Work("harmonics at rest, in Adam (degree 1 of 3 in use)", active, every, error, proof)
