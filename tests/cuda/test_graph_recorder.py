@@ -48,7 +48,7 @@ def test_a_stage_is_recorded_after_its_warm_up(events) -> None:
     [
         lambda recorder: recorder("double", double, torch.zeros(2)),
         lambda recorder: recorder("double", double, torch.zeros(1), key=1),
-        lambda recorder: recorder("double", double, torch.zeros(1, requires_grad=True)),
+        lambda recorder: recorder("double", double, torch.zeros(1), learns=True, key=2),
         lambda recorder: recorder.forget(),
     ],
 )
@@ -71,6 +71,15 @@ def test_stages_that_learn_are_recorded_both_ways(events) -> None:
         recorder("double", double, torch.zeros(1, requires_grad=True), learns=True)
         recorder("other", double, torch.zeros(1))
     assert events == ["record both ways", "replay", "record", "replay"]
+
+
+def test_whether_gradients_are_wanted_matters_to_stages_that_learn_alone(events) -> None:
+    recorder = Recorder(enabled=True)
+    for learns, expected in ((False, ["record", "replay"]), (True, [])):
+        for call in range(WARM_UP + 1):
+            recorder(f"double {learns}", double, torch.zeros(1, requires_grad=call == 0), learns=learns)
+        assert events == expected
+        events.clear()
 
 
 def test_nothing_is_recorded_where_nobody_asks(events) -> None:

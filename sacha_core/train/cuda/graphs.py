@@ -63,7 +63,7 @@ class Recorder:
         """
         if not self._enabled:
             return stage(*tensors)
-        full = (key, tuple((tensor.shape, tensor.requires_grad) for tensor in tensors))
+        full = (key, tuple((tensor.shape, learns and tensor.requires_grad) for tensor in tensors))
         found = self._recordings.get(name)
         if found is None or found.key != full:
             found = self._recordings[name] = Recording(full)
