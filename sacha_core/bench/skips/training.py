@@ -67,12 +67,13 @@ def resting_coefficients(n: int, preset: Preset) -> Work:
     states = [initial_state(avatar.gaussians, avatar.motion, 1, 0.0, 0.0) for _ in range(2)]
     rng, centre, pool = np.random.default_rng(preset.seed), np.array([0.1, 0.2, 1.5], np.float32), Pool(preset.threads)
     means, cut = (rng.normal(size=(n, 3)).astype(np.float32) for _ in range(2))
-    colours, gradient, rates = ViewColours(centre, cut), sh_rest_gradient(means, centre, 1, cut, 15), {"sh_rest": 1e-3}
+    colours, rates = ViewColours(centre, cut), {"sh_rest": 1e-3}
 
     def active() -> None:
         step_gaussians(states[0], {}, means, [colours], 1, rates, pool)
 
     def every() -> None:
+        gradient = sh_rest_gradient(means, centre, 1, cut, 15)
         step_gaussians(states[1], {"sh_rest": gradient}, means, [], 1, rates, pool)
 
     def error() -> float:
