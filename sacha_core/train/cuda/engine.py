@@ -64,6 +64,7 @@ class CudaEngine:
         gsplat: Gsplat | None = None,
         graphs: bool = False,
     ) -> None:
+        torch.set_float32_matmul_precision("highest")  # products are small here, and their digits matter
         self.stopwatch: Stopwatch | None = None
         self._device = torch.device(device)
         self._options, self._fine_tune = options.losses, options.fine_tune
@@ -77,9 +78,8 @@ class CudaEngine:
         self._state: DeviceState  # as soon as there is a host's
         self._degree, self._moment = 0, torch.zeros(2, dtype=torch.int64, device=self._device)
         self._sound: Bool[Tensor, ""] = torch.zeros((), dtype=torch.bool, device=self._device)
-        self._summed = torch.zeros(
-            1 + len(LOSSES), dtype=torch.float64, device=self._device
-        )  # steps without fault, losses
+        # steps without fault and their losses
+        self._summed = torch.zeros(1 + len(LOSSES), dtype=torch.float64, device=self._device)
         self._triangle_scale: Float[Tensor, " f"] = torch.zeros(head.n_faces, device=self._device)
 
     def put(self, state: TrainState) -> None:
@@ -130,12 +130,12 @@ class CudaEngine:
                 slopes.append(found[1])
         with self._stage("backward"):
             wanted = [leaf for leaf in leaves if leaf.requires_grad] + [one.means_2d for one in drawings]
-            found = torch.autograd.grad([one.image for one in drawings], wanted, slopes, materialize_grads=True)
+            gradients = torch.autograd.grad([one.image for one in drawings], wanted, slopes, materialize_grads=True)
         with self._stage("statistics"), torch.no_grad():
             visible = torch.cat([drawing.visible for drawing in drawings])
-            lengths = self._lengths(drawings, batches, found[-len(drawings) :], len(targets))
+            lengths = self._lengths(drawings, batches, gradients[-len(drawings) :], len(targets))
             facts = (torch.stack(parts).sum(0), visible, lengths, colours, scale, posed)
-            (self._sound,) = self._record("statistics", self._account, *facts, *found[: -len(drawings)])
+            (self._sound,) = self._record("statistics", self._account, *facts, *gradients[: -len(drawings)])
 
     def advance(self, rates: Mapping[str, float], void: frozenset[str]) -> None:
         """Let Adam step with the gradients kept, unless the last `differentiate` found a fault."""
