@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+import weakref
 from collections import deque
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections.abc import Callable, Iterable
+from threading import Lock, Thread
 
 from sacha_core.errors import OptionError
 
@@ -39,12 +40,14 @@ class Pool:
         if threads is not None and threads < 1:
             raise OptionError(f"{threads} threads were asked for, expected 1 or more")
         self.threads = threads or available_threads()
-        self._executor = ThreadPoolExecutor(self.threads - 1, "sacha-raster") if self.threads > 1 else None
+        self._workers: list[Worker] = []
+        self._free = Lock()
 
     def run(self, task: Callable[[int, int], None], jobs: int) -> None:
         """Call task(worker, job) once for every job; `worker` (0 to threads - 1) names space that no other call uses meanwhile.
 
         When a job fails, or whoever waits interrupts, jobs that have begun are finished, no other begins, and the error is raised.
+        A call during another one, from a job or from a thread of its own, has the calling thread alone.
         """
         waiting = iter(range(jobs))  # taking the next is one step under Python's lock
 
@@ -55,12 +58,84 @@ class Pool:
             finally:
                 deque(waiting, maxlen=0)  # empty already, unless a job failed
 
-        others = []
-        if self._executor is not None:
-            others = [self._executor.submit(work, worker) for worker in range(1, min(self.threads, jobs))]
+        if self.threads == 1 or jobs < 2 or not self._free.acquire(blocking=False):
+            work(0)
+            return
+        try:
+            errors = self._share(work, min(self.threads, jobs) - 1)
+        finally:
+            self._free.release()
+        for error in errors:
+            raise error
+
+    def _share(self, work: Callable[[int], None], others: int) -> list[BaseException]:
+        """Call work(0) here and work(1) to work(others) elsewhere; give the errors, the own one first, when all have ended."""
+        if not self._workers:  # threads begin with the first need of them, and end with the pool
+            self._workers = [Worker(number) for number in range(1, self.threads)]
+            weakref.finalize(self, dismiss, self._workers)
+        busy, errors = self._workers[:others], list[BaseException]()
+        for worker in busy:
+            worker.begin(work)
         try:
             work(0)
-        finally:
-            wait(others)
-        for other in others:
-            other.result()
+        except BaseException as error:  # noqa: BLE001 - `run` raises it when nobody is at work any more
+            errors.append(error)
+        while busy:
+            try:
+                busy[-1].wait()
+            except KeyboardInterrupt as interrupt:
+                errors.insert(0, interrupt)
+            else:
+                errors.extend(busy.pop().errors)
+        return errors
+
+
+class Worker:
+    """A thread that sleeps until it is given something to do.
+
+    Args:
+        number: that it works under.
+
+    Attributes:
+        errors: of what it did last, one or none.
+    """
+
+    def __init__(self, number: int) -> None:
+        self.errors: list[BaseException] = []
+        self._number = number
+        self._work: Callable[[int], None] | None = None
+        self._begun, self._ended = (
+            Lock(),
+            Lock(),
+        )  # taken by who waits and given back by the other; quicker than semaphores
+        for lock in (self._begun, self._ended):
+            lock.acquire()
+        Thread(target=self._live, name=f"sacha-{number}", daemon=True).start()
+
+    def begin(self, work: Callable[[int], None] | None) -> None:
+        """Give it something to do, which must have ended before the next; None lets it go."""
+        self._work = work
+        self._begun.release()
+
+    def wait(self) -> None:
+        """Wait for the end of what was begun."""
+        self._ended.acquire()
+
+    def _live(self) -> None:
+        while True:
+            self._begun.acquire()
+            if self._work is None:
+                return
+            self.errors = []
+            try:
+                self._work(self._number)
+            except BaseException as error:  # noqa: BLE001 - the thread that waits raises it
+                self.errors = [error]
+            self._work = None
+            self._ended.release()
+
+
+def dismiss(workers: Iterable[Worker]) -> None:
+    """Let threads end."""
+    for worker in workers:
+        worker.begin(None)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import signal
 import threading
+import time
 from collections import Counter
 from itertools import pairwise
 
@@ -61,6 +63,58 @@ def test_the_failure_of_another_thread_is_raised_too() -> None:
 
     with pytest.raises(ValueError):  # noqa: PT011 - the only one there is
         Pool(2).run(task, JOBS)
+
+
+def test_an_interrupt_while_waiting_is_raised_when_the_others_have_ended() -> None:
+    both, ended = threading.Barrier(2, timeout=10), threading.Event()
+
+    def task(worker: int, job: int) -> None:
+        both.wait()
+        if worker == 1:
+            time.sleep(0.05)  # the calling thread has nothing left to do and waits
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+            time.sleep(0.05)
+            ended.set()
+
+    pool = Pool(2)
+    with pytest.raises(KeyboardInterrupt):
+        pool.run(task, 2)
+    assert ended.is_set()
+    done: set[int] = set()
+    pool.run(lambda _, job: done.add(job), JOBS)
+    assert done == set(range(JOBS))
+
+
+def test_a_call_within_a_call_has_its_thread_alone() -> None:
+    pool, done, lock = Pool(3), Counter[int](), threading.Lock()
+
+    def outer(_: int, job: int) -> None:
+        inside = set()
+
+        def inner(worker: int, part: int) -> None:
+            inside.add((worker, threading.get_ident()))
+            with lock:
+                done[10 * job + part] += 1
+
+        pool.run(inner, 10)
+        assert inside == {(0, threading.get_ident())}
+
+    pool.run(outer, 20)
+    assert done == Counter(range(200))
+
+
+def test_threads_are_used_again_and_end_with_their_pool() -> None:
+    before, seen = set(threading.enumerate()), set()
+    pool = Pool(3)
+    for _ in range(5):
+        pool.run(lambda *_: seen.add(threading.current_thread()) or time.sleep(0.002), 6)
+    others = set(threading.enumerate()) - before
+    assert len(others) == 2
+    assert seen <= {threading.current_thread(), *others}
+    del pool
+    for thread in others:
+        thread.join(10)
+        assert not thread.is_alive()
 
 
 def test_no_jobs_and_no_threads() -> None:
