@@ -69,7 +69,7 @@ SEEKING = Table(
 )  # fmt: skip
 STAGES = Table(
     "stages",
-    "Where a frame of the first case goes: milliseconds that the caller waits, and the share of all.",
+    "Where a frame of the usual case goes: milliseconds that the caller waits, and the share of all.",
     (Column("stage", "stage"), Column("spent_ms", "ms", 2), Column("share_ratio", "share", 2)),
     ("stage",),
 )  # fmt: skip
