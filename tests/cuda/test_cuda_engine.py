@@ -201,10 +201,11 @@ SPOILT = {
 
 
 @pytest.mark.parametrize("case", SPOILT)
-def test_a_fault_is_named_and_changes_nothing(stage, state, case) -> None:
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_fault_is_named_and_changes_nothing(stage, state, engines, case, which) -> None:
     name, place, value, fault = SPOILT[case]
     state.values[name][place] = value
-    engine = stage.engine()
+    engine = engines()[which]
     engine.put(copy.deepcopy(state))
     engine.differentiate(5, chosen(stage), DEGREE)
     engine.advance(RATES, NOTHING)
