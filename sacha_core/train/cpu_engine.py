@@ -116,7 +116,7 @@ class CpuEngine:
             copies["sh_rest"] = self._gradients.by_harmonics(self._degree)
         return copies | {name: slope.copy() for name, slope in self._motion.items()}
 
-    def weights(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:
+    def weights(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:  # noqa: ARG002 (no colour, no degree)
         """Give each Gaussian's blending weight summed over pixels of views of one timestep: plain, and by reference sensitivity."""
         weights = np.zeros((len(self._state), 2))
         try:
@@ -125,7 +125,7 @@ class CpuEngine:
             return weights
         self._looker.place(self._state, pose)
         for target in targets:
-            drawing = self._looker.draw(target.camera, degree, target.box)
+            drawing = self._looker.draw(target.camera, None, target.box)
             left, top, right, bottom = drawing.box
             sensitive = target.sensitivity[top:bottom, left:right] * np.float32(1 / 255)
             weights += self._rasteriser.colour_weights(drawing.frame, np.stack([np.ones_like(sensitive), sensitive]))

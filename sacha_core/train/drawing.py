@@ -70,12 +70,12 @@ class Drawer:
         self._state, self._pose = state, pose
         self._to_carry = True
 
-    def draw(self, camera: Camera, degree: int, box: Box) -> Drawing:
+    def draw(self, camera: Camera, degree: int | None, box: Box) -> Drawing:
         """Draw what was placed.
 
         Args:
             camera: the whole image's.
-            degree: of the spherical harmonics in use.
+            degree: of the spherical harmonics in use; None to draw all in black, where only weights are wanted.
             box: that must be drawn at least; the rest of the image is drawn as far as Gaussians reach.
 
         Raises:
@@ -89,9 +89,12 @@ class Drawer:
             start, stop = bounds[k], bounds[k + 1]
             if to_carry:
                 self._carry(start, stop)
-            harmonic_colours(
-                start, stop, values["sh_dc"], values["sh_rest"], splats.means, centre, degree, ALL_DEGREES, splats.colours,
-            )  # fmt: skip
+            if degree is None:
+                splats.colours[start:stop, :3] = 0
+            else:
+                harmonic_colours(
+                    start, stop, values["sh_dc"], values["sh_rest"], splats.means, centre, degree, ALL_DEGREES, splats.colours,
+                )  # fmt: skip
             sides[k] = reach(start, stop, splats.means, splats.scales, splats.opacities, view)
 
         with self._time("place and colour"):

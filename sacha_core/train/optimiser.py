@@ -45,17 +45,20 @@ def step_gaussians(
     """
     state.steps["gaussians"] += 1
     pace = Pace(state.steps["gaussians"])
-    bounds = block_bounds(len(state), ROWS, 2 * pool.threads)
+    bounds = block_bounds(len(state), ROWS, pool.threads)
     centres, cuts = tuple(view.centre for view in colours), tuple(view.cut for view in colours)
+    rest = [kind["sh_rest"] for kind in (state.values, state.first, state.second)]
+    tasks = [
+        ((state.values[name], gradient, state.first[name], state.second[name]), pace.of(rates[name]))
+        for name, gradient in gradients.items()
+    ]
 
     def job(_: int, k: int) -> None:
         start, stop = bounds[k], bounds[k + 1]
         if colours and degree > 0:
-            rest = (kind["sh_rest"] for kind in (state.values, state.first, state.second))
             harmonics_range(start, stop, degree, means, centres, cuts, *rest, *pace.of(rates["sh_rest"]))
-        for name, gradient in gradients.items():
-            arrays = (state.values[name], gradient, state.first[name], state.second[name])
-            adam_range(*(array[start:stop].reshape(-1) for array in arrays), *pace.of(rates[name]))
+        for arrays, numbers in tasks:
+            adam_range(*(array[start:stop].reshape(-1) for array in arrays), *numbers)
 
     pool.run(job, len(bounds) - 1)
 

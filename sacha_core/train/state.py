@@ -117,7 +117,7 @@ def rearrange(
     """
     order = np.argsort(state.binding[rows], kind="stable")
     rows = rows[order]
-    anew = [] if fresh is None else np.flatnonzero(fresh[order])
+    anew = np.flatnonzero(np.zeros(0, bool) if fresh is None else fresh[order])
     for name in ATTRIBUTES:
         given = None if replaced is None else replaced.get(name)
         state.values[name] = state.values[name].take(rows, axis=0) if given is None else given.take(order, axis=0)

@@ -25,6 +25,7 @@ CROPPED = (
     1e-4  # relative to the largest; likewise, and SSIM's slope where images agree is a difference of equal numbers
 )
 WEIGHTS = 1e-5  # relative; float32 sums, and NumPy's pose beside the compiled one
+MEANS = 1e-5  # relative; float32 sums over views, in another order
 SMOOTH = LossOptions(l1=0.0)  # L1's kinks left out
 DEGREE = 2
 STEPS = {
@@ -191,3 +192,19 @@ def test_summed_weights_are_what_covers_the_background(tiny, scene) -> None:
     alpha = render_avatar(state.gaussians(), frames, target.camera).alpha
     assert weights[:, 0].sum() == pytest.approx(float(alpha.sum(dtype=np.float64)), rel=WEIGHTS)
     assert (weights[:, 1] <= weights[:, 0] * (1 + 1e-6)).all()
+
+
+def test_several_cameras_at_once_are_the_mean_of_each_alone(tiny, scene) -> None:
+    engine, state, _ = scene
+    views = TrainingViews(tiny.capture)
+    targets = [views[index] for index in (6, 8, 11)]
+    alone = [judged(engine, state, target) for target in targets]
+    together = judged(engine, state, *targets)
+    for name, value in together.losses.items():
+        assert value == pytest.approx(np.mean([one.losses[name] for one in alone]), rel=MEANS), name
+    for name, gradient in together.gradients.items():
+        mean = np.mean([one.gradients[name] for one in alone], axis=0)
+        assert np.abs(gradient - mean).max() <= MEANS * np.abs(mean).max(), name
+    total = np.sum([one.image_gradient for one in alone], axis=0)
+    assert together.image_gradient == pytest.approx(total, abs=MEANS * float(total.max()))
+    assert np.array_equal(state.gradient_count, np.sum([one.visible for one in alone], axis=0))

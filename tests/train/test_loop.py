@@ -317,3 +317,13 @@ def test_stages_make_up_the_time_of_all_iterations_but_the_first(tiny, tmp_path)
     assert watch.counts["density control"] == 29
     assert sum(watch.seconds.values()) < whole
     assert all(seconds >= 0 for seconds in watch.seconds.values())
+
+
+def test_several_cameras_a_step_resume_to_the_bit_whatever_the_threads(tiny, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("sacha_core.train.loop.REPORT_EVERY_S", 0.0)
+    several = replace(options(iterations=30), cameras_per_step=4, checkpoint_every=7)
+    train(tiny.capture, tiny.head, several, tmp_path / "whole")
+    with pytest.raises(InterruptedTrainingError):
+        train(tiny.capture, tiny.head, replace(several, threads=3), tmp_path / "parts", interrupt_after(17))
+    train(tiny.capture, tiny.head, replace(several, threads=2), tmp_path / "parts")
+    assert model_bytes(tmp_path / "parts") == model_bytes(tmp_path / "whole")
