@@ -13,11 +13,11 @@ from sacha_core.raster.buffers import Buffers
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.kernels.batch import LOOK_AHEAD
 from sacha_core.raster.kernels.deal import count_up, deal, share_out
-from sacha_core.raster.kernels.depth_order import BUCKETS, INFINITE, PASSES, sort_by_depth
+from sacha_core.raster.kernels.depth_order import BUCKETS, PASSES, sort_by_depth
 from sacha_core.raster.kernels.emit import EMIT_SCRATCH
 from sacha_core.raster.kernels.grid import place_lanes
 from sacha_core.raster.kernels.lanes import LANES
-from sacha_core.raster.kernels.layout import GAUSSIAN_MASK, R_COLUMNS, R_ROWS, RECORD, TILE_HEIGHT, TILE_WIDTH
+from sacha_core.raster.kernels.layout import GAUSSIAN_MASK, RECORD, TILE_HEIGHT, TILE_WIDTH
 from sacha_core.raster.kernels.project import project
 from sacha_core.raster.pool import Pool, even_ranges
 from sacha_core.raster.splats import Splats
@@ -129,18 +129,6 @@ class Binner:
             projection, projection.span[: 2 * n].reshape(n, 2), len(projection.keys), start, entries, ranges.tolist(),
             space("done", len(start) - 1, np.int64), x_lanes, y_lanes, self.serial,
         )  # fmt: skip
-
-    def touched(self, splats: Splats, camera: Camera) -> tuple[int, int, int, int]:
-        """Give left, top, right and bottom of the part of the image that the splats touch, in pixels; all of it where there is none."""
-        projection, n = self._project(splats, camera), len(splats)
-        seen = projection.depths[:n].view(np.uint32) < INFINITE
-        words = projection.records.view(np.int32).reshape(-1, RECORD)[:n][seen]
-        if not len(words):
-            return 0, 0, camera.width, camera.height
-        columns, rows = words[:, R_COLUMNS], words[:, R_ROWS]
-        lows, highs = ((a & 0xFFFF).min() for a in (columns, rows)), ((a >> 16).max() + 1 for a in (columns, rows))
-        left, top, right, bottom = (int(side) for side in (*lows, *highs))
-        return left, top, right, bottom
 
     def _project(self, splats: Splats, camera: Camera) -> Projection:
         """Project into records, and emit keys, with more room until they fit."""

@@ -30,7 +30,7 @@ SCRATCH = max(BLEND_SCRATCH, BACKWARD_SCRATCH, GATHER_SCRATCH)
 class Frame:
     """One drawn image and what the backward pass needs.
 
-    `image` and `transmittance` belong to the rasteriser and hold until its next call of `forward` or `bounds`: copy what is to be
+    `image` and `transmittance` belong to the rasteriser and hold until its next call of `forward`: copy what is to be
     kept, and do not write to them before `backward`.
 
     Args:
@@ -193,22 +193,6 @@ class Rasteriser:
             gather_weights(0, len(result), bins.span.ravel(), sums, gathered)
             result[:, first : first + MAX_CHANNELS] = gathered[:, : len(part)]
         return result
-
-    def bounds(self, splats: Splats, camera: Camera, margin: int = 0) -> tuple[int, int, int, int]:
-        """Give the rectangle of the image that the splats touch, to be given to `Camera.crop`.
-
-        Args:
-            splats: n Gaussians.
-            camera: the whole image's.
-            margin: pixels to add on each side, as far as the image reaches.
-
-        Returns:
-            left, top, width, height in pixels, at most a tile larger than needed; the whole image where no splat touches it.
-        """
-        left, top, right, bottom = self._binner.touched(splats.prepared(), camera)
-        left, top = max(left - margin, 0), max(top - margin, 0)
-        right, bottom = min(right + margin, camera.width), min(bottom + margin, camera.height)
-        return left, top, right - left, bottom - top
 
     def _project_backward(self, frame: Frame, sums: np.ndarray) -> SplatGradients:
         splats, bins, projection, scratch = frame.splats, frame.bins, frame.bins.projection, self._scratch()

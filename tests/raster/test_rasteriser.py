@@ -13,6 +13,8 @@ from raster_oracle import NAMES, draw, parameters
 from raster_scenes import camera, scene
 
 from sacha_core.errors import OptionError
+from sacha_core.raster.bounds import image_bounds
+from sacha_core.raster.camera import Camera
 from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import Frame, Rasteriser
 from sacha_core.raster.splats import Splats
@@ -155,10 +157,16 @@ def test_a_pool_may_be_shared_and_a_stopwatch_is_told_the_stages() -> None:
         Rasteriser(3, pool=pool)
 
 
+def bounds(splats: Splats, view: Camera, margin: int = 0) -> tuple[int, int, int, int]:
+    box = image_bounds(splats.means, splats.scales, splats.opacities, view, margin=margin)
+    assert box is not None
+    return box
+
+
 def test_a_crop_is_that_part_of_the_image_to_the_bit(rasteriser: Rasteriser) -> None:
     splats, view, background = scene(52, 500, 3, 0.01, 0.08), camera(120, 150, 150.0), np.ones(3)
     whole = rasteriser.forward(splats, view, background).image.copy()
-    left, top, width, height = rasteriser.bounds(splats, view)
+    left, top, width, height = bounds(splats, view)
     touched = (whole != 1).any(axis=0)
     rows, columns = np.flatnonzero(touched.any(axis=1)), np.flatnonzero(touched.any(axis=0))
     assert left <= columns[0]
@@ -215,7 +223,7 @@ def test_tiles_whose_entries_just_fill_batches_or_do_not(rasteriser: Rasteriser,
 
 def test_gradients_of_a_crop_are_those_of_the_whole_where_the_rest_is_constant(rasteriser: Rasteriser) -> None:
     splats, view, background = scene(53, 300, 3, 0.01, 0.05), camera(120, 150, 150.0), np.ones(3)
-    left, top, width, height = rasteriser.bounds(splats, view, margin=2)
+    left, top, width, height = bounds(splats, view, margin=2)
     upstream = np.random.default_rng(1).normal(size=(3, 150, 120)).astype(np.float32)
     frame = rasteriser.forward(splats, view, background)
     whole = {name: array.copy() for name, array in vars(rasteriser.backward(frame, upstream)).items()}

@@ -45,7 +45,6 @@ __all__ = [
     "minimum",
     "moved_up",
     "number",
-    "pack",
     "prefetch",
     "prefetch_to_write",
     "ramp",
@@ -291,18 +290,6 @@ def store_transposed(typingctx, array, index, columns):
         return context.get_dummy_value()
 
     return types.void(array, types.intp, columns), codegen
-
-
-@intrinsic
-def pack(typingctx, low, high):
-    """Give low + 65536 high, whole numbers from 0 to 65535, as integers that sit in float lanes."""
-
-    def codegen(context, builder, signature, args):
-        low, high = (builder.fptosi(value, INTS) for value in args)
-        word = builder.or_(low, builder.shl(high, ir.Constant(INTS, [INT(16)] * LANES)))
-        return builder.bitcast(word, VECTOR)
-
-    return lanes_type(lanes_type, lanes_type), codegen
 
 
 @intrinsic

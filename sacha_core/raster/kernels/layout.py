@@ -32,8 +32,7 @@ RECORD = 16
 R_X, R_Y = 0, 1  # projected mean relative to the principal point, pixels
 R_A, R_B, R_C = 2, 3, 4  # log2(alpha) / 8 = A dx^2 + B dx dy + C dy^2 + OPACITY
 R_OPACITY = 5
-R_COLOUR = 6  # to 9
-R_COLUMNS, R_ROWS = 10, 11  # first and last pixel of the box, as integers: first | last << 16
+R_COLOUR = 6  # to 9; the rest is free
 
 # gradient sums of one entry (a Gaussian in a tile): 16 float32
 E_S, E_X, E_Y, E_XX, E_XY, E_YY = (

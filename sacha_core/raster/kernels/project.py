@@ -27,7 +27,6 @@ from sacha_core.raster.kernels.lanes import (
     load_strided,
     maximum,
     minimum,
-    pack,
     select,
     splat,
     square_root,
@@ -115,7 +114,7 @@ def project_block(means, scales, quaternions, opacities, colours, channels, row,
         mean_x, mean_y,
         yy * scale * F(-0.5), xy * scale, xx * scale * F(-0.5), log_opacity * F(1 / POWER_SCALE),
         red, green, blue, other,
-        pack(x_low, x_high), pack(y_low, y_high), zeros(), zeros(), zeros(), zeros(),
+        zeros(), zeros(), zeros(), zeros(), zeros(), zeros(),
     ))  # fmt: skip
     inverse_xx = splat(F(1)) / xx
     outline = (
