@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from sacha_core.animation.kernels.picture import place_bytes, place_floats
 from sacha_core.errors import OptionError
-from sacha_core.raster.pool import Pool, even_ranges
+from sacha_core.parallel.pool import Pool, even_ranges
 
 __all__ = ["Canvas"]
 

@@ -9,7 +9,7 @@ from numpy.typing import DTypeLike
 from sacha_core.animation.kernels.carry import BLOCK
 from sacha_core.animation.kernels.carry import carry as carry_range
 from sacha_core.animation.posed import Pose, block_bounds
-from sacha_core.raster.pool import Pool
+from sacha_core.parallel.pool import Pool
 
 __all__ = ["Carried", "carry", "room_for"]
 

@@ -17,13 +17,13 @@ from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import HeadMotion
+from sacha_core.parallel.pool import Pool
 from sacha_core.raster.bounds import pixel_box
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.harmonics import degrees_in_use
 from sacha_core.raster.kernels.bounds import reach
 from sacha_core.raster.kernels.harmonics import harmonic_colours
 from sacha_core.raster.kernels.layout import ALPHA_MIN
-from sacha_core.raster.pool import Pool
 from sacha_core.raster.splats import Splats
 from sacha_core.raster.view import view_parameters
 from sacha_core.stopwatch import Stopwatch, timed

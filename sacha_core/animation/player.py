@@ -20,8 +20,8 @@ from sacha_core.errors import GeometryError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import fit_components
 from sacha_core.flame.shelf import find_head
+from sacha_core.parallel.pool import Pool
 from sacha_core.raster.camera import Camera
-from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.stopwatch import Stopwatch, timed
 

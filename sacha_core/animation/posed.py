@@ -12,7 +12,7 @@ from sacha_core.animation.kernels import posing as posing_kernels
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import HeadMotion, Poser
 from sacha_core.geometry.triangle import TriangleFrames, degenerate_limit, refuse_triangle
-from sacha_core.raster.pool import Pool, even_ranges
+from sacha_core.parallel.pool import Pool, even_ranges
 
 __all__ = ["Pose", "PosedHead"]
 

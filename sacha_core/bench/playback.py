@@ -25,9 +25,9 @@ from sacha_core.codec import encode, open_stream
 from sacha_core.codec.motion import MotionReader
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
+from sacha_core.parallel.pool import available_threads
 from sacha_core.progress import Progress, Report
 from sacha_core.raster.camera import Camera
-from sacha_core.raster.pool import available_threads
 from sacha_core.stopwatch import Stopwatch
 
 __all__ = ["TITLE", "measure"]

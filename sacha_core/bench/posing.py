@@ -20,8 +20,8 @@ from sacha_core.bench.scenes import made_avatar, made_head, made_motion
 from sacha_core.flame.posing import Poser
 from sacha_core.geometry import quaternion
 from sacha_core.geometry.triangle import TriangleFrames, triangle_frames
+from sacha_core.parallel.pool import Pool, available_threads
 from sacha_core.progress import Progress, Report
-from sacha_core.raster.pool import Pool, available_threads
 
 __all__ = ["TITLE", "measure"]
 

@@ -17,9 +17,9 @@ from sacha_core.bench.preset import Preset
 from sacha_core.bench.raster_options import OPTIONS, option_rows
 from sacha_core.bench.result import Bench, Column, Panel, Row, Table
 from sacha_core.bench.scenes import front_camera, head_shell
+from sacha_core.parallel.pool import available_threads
 from sacha_core.progress import Progress, Report
 from sacha_core.raster.camera import Camera
-from sacha_core.raster.pool import available_threads
 from sacha_core.raster.rasteriser import Frame, Rasteriser
 from sacha_core.raster.splats import Splats
 from sacha_core.stopwatch import Stopwatch

@@ -17,10 +17,10 @@ from sacha_core.bench.result import Column, Row, Table
 from sacha_core.bench.scenes import front_camera, made_avatar
 from sacha_core.flame.posing import pose_vertices
 from sacha_core.geometry.triangle import triangle_frames
+from sacha_core.parallel.pool import Pool
 from sacha_core.raster.bounds import image_bounds
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.harmonics import sh_colours
-from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import Frame, Rasteriser
 from sacha_core.raster.splats import Splats
 

@@ -19,10 +19,10 @@ from sacha_core.bench.train_budget import BUDGET, VARIANT, budget_rows
 from sacha_core.bench.trial import DEGREE, Trial, made_trial
 from sacha_core.flame.posing import Poser
 from sacha_core.geometry.triangle import triangle_frames
+from sacha_core.parallel.pool import Pool, available_threads
 from sacha_core.progress import Progress, Report
 from sacha_core.raster.bounds import image_bounds
 from sacha_core.raster.harmonics import sh_colours
-from sacha_core.raster.pool import Pool, available_threads
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.splats import Splats
 from sacha_core.stopwatch import Stopwatch

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Shaped, UInt8
 
+from sacha_core.parallel.buffers import Buffers
+from sacha_core.parallel.kernels.lanes import LANES
 from sacha_core.perception.kernels.differences import strip_spans
 from sacha_core.perception.kernels.entropy import LOWEST, entropy_band
 from sacha_core.perception.kernels.structural import STRIP, compare_strip, strip_space
-from sacha_core.raster.buffers import Buffers
-from sacha_core.raster.kernels.lanes import LANES
 
 __all__ = ["ImageLoss", "ImageLosses"]
 

@@ -9,17 +9,17 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.errors import SachaError
-from sacha_core.raster.buffers import Buffers
+from sacha_core.parallel.buffers import Buffers
+from sacha_core.parallel.kernels.lanes import LANES
+from sacha_core.parallel.pool import Pool, even_ranges
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.kernels.batch import LOOK_AHEAD
 from sacha_core.raster.kernels.deal import count_up, deal, share_out
 from sacha_core.raster.kernels.depth_order import BUCKETS, PASSES, sort_by_depth
 from sacha_core.raster.kernels.emit import EMIT_SCRATCH
 from sacha_core.raster.kernels.grid import place_lanes
-from sacha_core.raster.kernels.lanes import LANES
 from sacha_core.raster.kernels.layout import GAUSSIAN_MASK, RECORD, TILE_HEIGHT, TILE_WIDTH
 from sacha_core.raster.kernels.project import project
-from sacha_core.raster.pool import Pool, even_ranges
 from sacha_core.raster.splats import Splats
 from sacha_core.raster.view import tile_grid, view_parameters
 from sacha_core.stopwatch import Timer, timed

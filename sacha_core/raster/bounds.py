@@ -8,9 +8,9 @@ from collections.abc import Iterable
 import numpy as np
 from jaxtyping import Float
 
+from sacha_core.parallel.pool import Pool, even_ranges
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.kernels.bounds import reach
-from sacha_core.raster.pool import Pool, even_ranges
 from sacha_core.raster.rasteriser import NEAR
 from sacha_core.raster.view import view_parameters
 

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from sacha_core.errors import OptionError
+from sacha_core.parallel.kernels.lanes import LANES
+from sacha_core.parallel.pool import Pool, even_ranges
 from sacha_core.raster.kernels.harmonics import coefficient_gradients, harmonic_colours, harmonic_gradients
-from sacha_core.raster.kernels.lanes import LANES
-from sacha_core.raster.pool import Pool, even_ranges
 
 __all__ = ["ALL_DEGREES", "degrees_in_use", "sh_colours", "sh_colours_backward", "sh_rest_gradient"]
 

@@ -8,15 +8,15 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from sacha_core.errors import OptionError
+from sacha_core.parallel.buffers import Buffers
+from sacha_core.parallel.pool import Pool
 from sacha_core.raster.binning import Binner, Bins
-from sacha_core.raster.buffers import Buffers
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.kernels.blend import BLEND_SCRATCH, blend
 from sacha_core.raster.kernels.blend_backward import BACKWARD_SCRATCH, blend_backward
 from sacha_core.raster.kernels.blend_weights import blend_weights
 from sacha_core.raster.kernels.layout import RECORD
 from sacha_core.raster.kernels.project_backward import GATHER_SCRATCH, gather_weights, project_backward
-from sacha_core.raster.pool import Pool
 from sacha_core.raster.splats import MAX_CHANNELS, SplatGradients, Splats
 from sacha_core.stopwatch import Timer, timed
 

@@ -12,8 +12,8 @@ from jaxtyping import Float
 from sacha_core.errors import GeometryError, OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import HeadMotion
+from sacha_core.parallel.pool import Pool
 from sacha_core.perception.image_loss import ImageLoss, ImageLosses
-from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.splats import ColourError
 from sacha_core.stopwatch import Stopwatch, timed

@@ -11,13 +11,13 @@ import numpy as np
 from sacha_core.animation.kernels.carry import BLOCK, carry
 from sacha_core.animation.posed import Pose, block_bounds
 from sacha_core.avatar.binding import sigmoid
+from sacha_core.parallel.buffers import Buffers
+from sacha_core.parallel.pool import Pool
 from sacha_core.raster.bounds import pixel_box
-from sacha_core.raster.buffers import Buffers
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.harmonics import ALL_DEGREES
 from sacha_core.raster.kernels.bounds import reach
 from sacha_core.raster.kernels.harmonics import harmonic_colours
-from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import NEAR, Frame, Rasteriser
 from sacha_core.raster.splats import Splats
 from sacha_core.raster.view import view_parameters

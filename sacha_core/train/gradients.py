@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.animation.posed import Pose, block_bounds
-from sacha_core.raster.buffers import Buffers
+from sacha_core.parallel.buffers import Buffers
+from sacha_core.parallel.pool import Pool
 from sacha_core.raster.harmonics import sh_rest_gradient
 from sacha_core.raster.kernels.harmonics import BASIS, harmonic_gradients
-from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import Frame
 from sacha_core.raster.splats import SplatGradients, Splats
 from sacha_core.train.faults import LARGEST_GRADIENT

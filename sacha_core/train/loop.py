@@ -20,8 +20,8 @@ from sacha_core.flame.model import HeadModel
 from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.interchange.capture import Capture
 from sacha_core.interchange.gaussian_avatars import model_iterations
+from sacha_core.parallel.pool import Pool
 from sacha_core.progress import Progress, Report, silent
-from sacha_core.raster.pool import Pool
 from sacha_core.stopwatch import Stopwatch, timed
 from sacha_core.train import density_control as control
 from sacha_core.train.checkpoint import Checkpoint, differing, read_checkpoint, require_fit, write_checkpoint

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sacha_core.animation.posed import block_bounds
-from sacha_core.raster.pool import Pool
+from sacha_core.parallel.pool import Pool
 from sacha_core.train.gradients import ViewColours
 from sacha_core.train.kernels.adam import adam_range, harmonics_range
 from sacha_core.train.state import Arrays, TrainState

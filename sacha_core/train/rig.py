@@ -10,7 +10,7 @@ from jaxtyping import Float
 from sacha_core.animation.posed import Pose, PosedHead, block_bounds
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import HeadMotion
-from sacha_core.raster.pool import Pool
+from sacha_core.parallel.pool import Pool
 from sacha_core.train.kernels.pose_backward import BLOCK, pose_backward, vertices_backward
 from sacha_core.train.state import Arrays
 

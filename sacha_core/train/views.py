@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import UInt8
 
 from sacha_core.interchange.capture import Capture, View
+from sacha_core.parallel.pool import Pool
 from sacha_core.perception.sensitivity_map import resized_sensitivity, sensitivity_map
 from sacha_core.progress import Progress, Report, silent
 from sacha_core.raster.camera import Camera
-from sacha_core.raster.pool import Pool
 
 __all__ = ["Box", "Step", "Target", "TrainingViews", "decoded_ahead", "epoch_steps", "grouped", "spread_views"]
 

@@ -7,7 +7,7 @@ import pytest
 
 from sacha_core.animation.canvas import Canvas
 from sacha_core.errors import OptionError
-from sacha_core.raster.pool import Pool
+from sacha_core.parallel.pool import Pool
 
 BACKGROUND = np.array([0.2, 0.5, 1.25])
 

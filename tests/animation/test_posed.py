@@ -19,7 +19,7 @@ from sacha_core.geometry import quaternion
 from sacha_core.geometry.rotation import rotation_vectors_to_matrices
 from sacha_core.geometry.skinning import joint_transforms
 from sacha_core.geometry.triangle import triangle_frames
-from sacha_core.raster.pool import Pool
+from sacha_core.parallel.pool import Pool
 
 ROUNDING_64 = 1e-12  # of numbers of a few metres and of unit vectors
 # float32 on coordinates of a few metres, through three joints, sums of 60 directions, and triangles with angles down to a degree

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
+from sacha_core.parallel.pool import Pool
 from sacha_core.perception.image_loss import ImageLoss
-from sacha_core.raster.pool import Pool
 
 VALUE = 3e-7  # float32 sums over rows; the rest is added in float64
 GRADIENT = 3e-5  # relative to the largest: blurred float32 derivatives, twice

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from raster_scenes import camera, scene
 
+from sacha_core.parallel.pool import Pool
 from sacha_core.raster.bounds import image_bounds, pixel_box
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.kernels.bounds import reach
-from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import NEAR, Rasteriser
 from sacha_core.raster.splats import Splats
 from sacha_core.raster.view import view_parameters

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.special import sph_harm_y
 
 from sacha_core.errors import OptionError
+from sacha_core.parallel.pool import Pool
 from sacha_core.raster.harmonics import ALL_DEGREES, degrees_in_use, sh_colours, sh_colours_backward, sh_rest_gradient
 from sacha_core.raster.kernels.harmonics import BASIS, coefficient_gradients, harmonic_colours, harmonic_gradients
-from sacha_core.raster.pool import Pool
 
 SINGLE = 2e-6  # float32, sums of sixteen terms of order one
 SLOPE = 1e-5  # of the largest gradient: the same through products of three, and over distances down to a tenth

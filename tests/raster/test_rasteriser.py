@@ -13,9 +13,9 @@ from raster_oracle import NAMES, draw, parameters
 from raster_scenes import camera, scene
 
 from sacha_core.errors import OptionError
+from sacha_core.parallel.pool import Pool
 from sacha_core.raster.bounds import image_bounds
 from sacha_core.raster.camera import Camera
-from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import Frame, Rasteriser
 from sacha_core.raster.splats import Splats
 from sacha_core.stopwatch import Stopwatch

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.density.modulators import bounded
+from sacha_core.parallel.pool import Pool
 from sacha_core.perception.image_loss import ImageLoss
 from sacha_core.raster.harmonics import sh_rest_gradient
-from sacha_core.raster.pool import Pool
 from sacha_core.train.density_control import SeenWeights, calibrate
 from sacha_core.train.gradients import ViewColours
 from sacha_core.train.optimiser import step_gaussians

@@ -11,7 +11,7 @@ import pytest
 from sacha_core.animation.carry import carry
 from sacha_core.avatar.motion import Motion
 from sacha_core.flame.model import HeadModel
-from sacha_core.raster.pool import Pool
+from sacha_core.parallel.pool import Pool
 from sacha_core.train.kernels.carry_backward import carry_backward
 from sacha_core.train.rig import Rig
 from sacha_core.train.state import FITTED_MOTION

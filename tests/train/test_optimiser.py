@@ -9,7 +9,7 @@ import torch
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.bench.stability.exact_step import harmonics
-from sacha_core.raster.pool import Pool
+from sacha_core.parallel.pool import Pool
 from sacha_core.train.gradients import ViewColours
 from sacha_core.train.optimiser import BETAS, EPSILON, step_gaussians, step_motion
 from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, TrainState, initial_state

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sacha_core.errors import DatasetError
+from sacha_core.parallel.pool import Pool
 from sacha_core.perception.sensitivity_map import sensitivity_map
 from sacha_core.progress import Progress
-from sacha_core.raster.pool import Pool
 from sacha_core.train.views import AHEAD, TrainingViews, box_of, decoded_ahead, epoch_steps, spread_views
 
 

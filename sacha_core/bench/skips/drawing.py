@@ -11,11 +11,11 @@ from jaxtyping import Float, UInt8
 from sacha_core.bench.preset import Preset
 from sacha_core.bench.scenes import front_camera, head_shell
 from sacha_core.bench.skips.skip import Work, apart
+from sacha_core.parallel.pool import Pool
 from sacha_core.perception.image_loss import ImageLoss
 from sacha_core.raster.bounds import image_bounds
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.harmonics import degrees_in_use, sh_colours
-from sacha_core.raster.pool import Pool
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.splats import Splats
 

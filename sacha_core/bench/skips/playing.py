@@ -16,7 +16,7 @@ from sacha_core.bench.scenes import front_camera, made_avatar, made_motion
 from sacha_core.bench.skips.skip import Work, apart
 from sacha_core.codec import decode, encode, open_stream
 from sacha_core.flame.model import HeadModel
-from sacha_core.raster.pool import Pool
+from sacha_core.parallel.pool import Pool
 
 __all__ = ["playing_skips"]
 

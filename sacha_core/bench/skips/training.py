@@ -9,8 +9,8 @@ import numpy as np
 from sacha_core.bench.preset import Preset
 from sacha_core.bench.scenes import cameras_around, made_avatar
 from sacha_core.bench.skips.skip import Work, apart
+from sacha_core.parallel.pool import Pool
 from sacha_core.raster.harmonics import sh_rest_gradient
-from sacha_core.raster.pool import Pool
 from sacha_core.train.cpu_engine import CpuEngine
 from sacha_core.train.density_control import SeenWeights, calibrate
 from sacha_core.train.gradients import ViewColours

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from sacha_core.parallel.kernels.lanes import LANES, every, inlined
 from sacha_core.perception.kernels.pixels import pixels
 from sacha_core.perception.kernels.window import RADIUS
-from sacha_core.raster.kernels.lanes import LANES, every, inlined
 
 GROUP = 4  # rows that go together
 REACH = 2  # groups beside a row's own that its windows can touch

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sacha_core.perception.kernels.pixels import pixels, write
-from sacha_core.raster.kernels.lanes import (
+from sacha_core.parallel.kernels.lanes import (
     LANES,
     every,
     exponent,
@@ -22,6 +21,7 @@ from sacha_core.raster.kernels.lanes import (
     sums,
     zeros,
 )
+from sacha_core.perception.kernels.pixels import pixels, write
 
 F = np.float32
 LOWEST = F(1e-6)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sacha_core.raster.kernels.lanes import LANES, inlined, load, load_first, store, store_first
+from sacha_core.parallel.kernels.lanes import LANES, inlined, load, load_first, store, store_first
 
 
 @inlined

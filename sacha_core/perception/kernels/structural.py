@@ -22,10 +22,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sacha_core.perception.kernels.differences import GROUP, REACH, around, mark
-from sacha_core.perception.kernels.pixels import pixels, write
-from sacha_core.perception.kernels.window import RADIUS, blur_across, blur_along, blur_moments
-from sacha_core.raster.kernels.lanes import (
+from sacha_core.parallel.kernels.lanes import (
     LANES,
     absolute,
     fma,
@@ -39,6 +36,9 @@ from sacha_core.raster.kernels.lanes import (
     sums,
     zeros,
 )
+from sacha_core.perception.kernels.differences import GROUP, REACH, around, mark
+from sacha_core.perception.kernels.pixels import pixels, write
+from sacha_core.perception.kernels.window import RADIUS, blur_across, blur_along, blur_moments
 
 F = np.float32
 C1 = F(2 * 0.01**2)

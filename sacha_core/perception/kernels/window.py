@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from sacha_core.raster.kernels.lanes import fma, inlined, load, splat
+from sacha_core.parallel.kernels.lanes import fma, inlined, load, splat
 
 RADIUS = 5
 _taps = np.exp(-(np.arange(-RADIUS, RADIUS + 1) ** 2) / (2 * 1.5**2))

@@ -12,20 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sacha_core.raster.kernels.batch import (
-    ALPHA,
-    BATCH,
-    BATCH_SCRATCH,
-    COPY,
-    FADED,
-    RUN,
-    let_through,
-    open_tile,
-    prepare,
-    touching,
-    write_alphas,
-)
-from sacha_core.raster.kernels.lanes import (
+from sacha_core.parallel.kernels.lanes import (
     LANES,
     fma,
     inlined,
@@ -41,6 +28,19 @@ from sacha_core.raster.kernels.lanes import (
     store,
     sums,
     zeros,
+)
+from sacha_core.raster.kernels.batch import (
+    ALPHA,
+    BATCH,
+    BATCH_SCRATCH,
+    COPY,
+    FADED,
+    RUN,
+    let_through,
+    open_tile,
+    prepare,
+    touching,
+    write_alphas,
 )
 from sacha_core.raster.kernels.layout import (
     ALPHA_MAX,

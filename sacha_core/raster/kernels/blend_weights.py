@@ -4,6 +4,18 @@ from __future__ import annotations
 
 from numba import njit
 
+from sacha_core.parallel.kernels.lanes import (
+    LANES,
+    inlined,
+    load,
+    lowest_bit,
+    maximum,
+    some,
+    splat,
+    store,
+    sums,
+    zeros,
+)
 from sacha_core.raster.kernels.batch import (
     ALPHA,
     BATCH,
@@ -16,18 +28,6 @@ from sacha_core.raster.kernels.batch import (
     write_alphas,
 )
 from sacha_core.raster.kernels.blend_backward import SUM, SUMS, UPSTREAM, add_product_to, clear_sums, load_tile
-from sacha_core.raster.kernels.lanes import (
-    LANES,
-    inlined,
-    load,
-    lowest_bit,
-    maximum,
-    some,
-    splat,
-    store,
-    sums,
-    zeros,
-)
 from sacha_core.raster.kernels.layout import (
     RECORD,
     TILE_HEIGHT,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sacha_core.raster.kernels.geometry import jacobian, log2, turned
-from sacha_core.raster.kernels.lanes import (
+from sacha_core.parallel.kernels.lanes import (
     LANES,
     absolute,
     load_first,
@@ -18,6 +17,8 @@ from sacha_core.raster.kernels.lanes import (
     splat,
     square_root,
 )
+from sacha_core.parallel.kernels.rows import load_columns
+from sacha_core.raster.kernels.geometry import jacobian, log2, turned
 from sacha_core.raster.kernels.layout import (
     ALPHA_MIN,
     BOX_MARGIN,
@@ -34,7 +35,6 @@ from sacha_core.raster.kernels.layout import (
     V_WIDTH,
 )
 from sacha_core.raster.kernels.project import FAR, HUGE, LOG2_255, TWICE_LN2
-from sacha_core.raster.kernels.rows import load_columns
 
 F = np.float32
 ROUNDING = F(1 + 1e-5)  # a hundred roundings between a ball's radius and that of the ellipsoid in it

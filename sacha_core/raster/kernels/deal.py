@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sacha_core.raster.kernels.lanes import prefetch
+from sacha_core.parallel.kernels.lanes import prefetch
 from sacha_core.raster.kernels.layout import GAUSSIAN_SHIFT, KEY_BITS, TOP_SHIFT
 
 AHEAD = 16  # Gaussians whose keys are asked for in advance

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sacha_core.raster.kernels.lanes import within
+from sacha_core.parallel.kernels.lanes import within
 
 DIGIT = 11
 BUCKETS = 1 << DIGIT

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sacha_core.raster.kernels.lanes import (
+from sacha_core.parallel.kernels.lanes import (
     exponent,
     fma,
     load_spread,

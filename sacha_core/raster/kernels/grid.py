@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sacha_core.raster.kernels.lanes import LANES
+from sacha_core.parallel.kernels.lanes import LANES
 from sacha_core.raster.kernels.layout import TILE_WIDTH
 
 

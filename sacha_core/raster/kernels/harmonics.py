@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sacha_core.raster.kernels.lanes import (
+from sacha_core.parallel.kernels.lanes import (
     LANES,
     absolute,
     fma,
@@ -24,7 +24,7 @@ from sacha_core.raster.kernels.lanes import (
     square_root,
     zeros,
 )
-from sacha_core.raster.kernels.rows import first_lanes, load_columns, load_wide, store_columns, store_products
+from sacha_core.parallel.kernels.rows import first_lanes, load_columns, load_wide, store_columns, store_products
 
 F = np.float32
 # constants of the basis, in the order of the coefficients

@@ -5,19 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sacha_core.raster.kernels.emit import emit_block
-from sacha_core.raster.kernels.geometry import (
-    LOG2_E,
-    camera_rows,
-    covariance,
-    dot3,
-    jacobian,
-    load_quaternions,
-    log2,
-    rotation_matrix,
-    to_camera,
-)
-from sacha_core.raster.kernels.lanes import (
+from sacha_core.parallel.kernels.lanes import (
     LANES,
     ceiling,
     floor,
@@ -34,6 +22,18 @@ from sacha_core.raster.kernels.lanes import (
     store_transposed,
     within,
     zeros,
+)
+from sacha_core.raster.kernels.emit import emit_block
+from sacha_core.raster.kernels.geometry import (
+    LOG2_E,
+    camera_rows,
+    covariance,
+    dot3,
+    jacobian,
+    load_quaternions,
+    log2,
+    rotation_matrix,
+    to_camera,
 )
 from sacha_core.raster.kernels.layout import (
     ALPHA_MIN,

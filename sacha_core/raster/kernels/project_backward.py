@@ -5,16 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sacha_core.raster.kernels.geometry import (
-    camera_rows,
-    covariance,
-    dot3,
-    jacobian,
-    load_quaternions,
-    rotation_matrix,
-    to_camera,
-)
-from sacha_core.raster.kernels.lanes import (
+from sacha_core.parallel.kernels.lanes import (
     LANES,
     fma,
     inlined,
@@ -27,6 +18,15 @@ from sacha_core.raster.kernels.lanes import (
     store_interleaved,
     within,
     zeros,
+)
+from sacha_core.raster.kernels.geometry import (
+    camera_rows,
+    covariance,
+    dot3,
+    jacobian,
+    load_quaternions,
+    rotation_matrix,
+    to_camera,
 )
 from sacha_core.raster.kernels.layout import (
     E_COLOUR,

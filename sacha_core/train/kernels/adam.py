@@ -7,8 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from sacha_core.raster.kernels.harmonics import NUMBERS, rest_gradients
-from sacha_core.raster.kernels.lanes import (
+from sacha_core.parallel.kernels.lanes import (
     LANES,
     absolute,
     fma,
@@ -22,6 +21,7 @@ from sacha_core.raster.kernels.lanes import (
     store_first,
     zeros,
 )
+from sacha_core.raster.kernels.harmonics import NUMBERS, rest_gradients
 
 TINIEST = np.float32(1e-37)  # just above where float32 becomes denormal and arithmetic slow
 FAST = {"contract", "nsz", "arcp", "reassoc"}

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sacha_core.errors import OptionError
-from sacha_core.raster.pool import Pool, even_ranges
+from sacha_core.parallel.pool import Pool, even_ranges
 
 JOBS = 200
 

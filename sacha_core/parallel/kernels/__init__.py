@@ -1,0 +1,1 @@
+"""Vectors of sixteen lanes, for the kernels of other packages."""
