@@ -22,6 +22,7 @@ VERSION = 2
 VALUES = (*ATTRIBUTES, *FITTED_MOTION)
 MOMENTS = ("values", "first", "second")
 PLAIN = ("binding", "gradient_sum", "gradient_count", "thresholds", "ratios")
+HIGHEST = {"ratios": 1.0}
 
 # change nothing in the result; but for the device, of which the loop takes care
 ELSEWHERE = ("threads", "checkpoint_every", "image_cache_bytes", "device")
@@ -80,17 +81,13 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
     if missing := sorted(expected - arrays.keys()):
         raise FormatError(f"{path}: not a checkpoint: {missing[0]!r} is missing")
     try:
-        header = json.loads(str(arrays["header"]))
-        version, iteration = int(header["version"]), int(header["iteration"])
-        if version == 1:
-            header = brought_forward(header)
+        header = brought_forward(json.loads(str(arrays["header"])))
+        iteration = int(header["iteration"])
         steps = {group: int(header["steps"][group]) for group in ("gaussians", "motion")}
         options, data = from_record(header["options"]), dict(header["data"])
         events, faults = parse_events(str(arrays["events"])), parse_faults(header["faults"])
-    except (ValueError, KeyError, TypeError, RecursionError, OptionError, FormatError) as error:
+    except (ValueError, OverflowError, KeyError, TypeError, RecursionError, OptionError, FormatError) as error:
         raise FormatError(f"{path}: not a checkpoint that this version can read: {error}") from error
-    if not 1 <= version <= VERSION:
-        raise FormatError(f"{path}: checkpoint version {version}, expected 1 to {VERSION}")
     values, first, second = ({name: arrays[f"{kind}.{name}"] for name in VALUES} for kind in MOMENTS)
     binding, gradient_sum, gradient_count, thresholds, ratios = (arrays[name] for name in PLAIN)
     statistics = (gradient_sum, gradient_count, thresholds, ratios)
@@ -100,7 +97,15 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
 
 
 def brought_forward(header: dict[str, Any]) -> dict[str, Any]:
-    """Give the header of a checkpoint of version 1, which knew the CPU only, one camera a step, and no faults, as that of version 2."""
+    """Give a header as one of this version. Version 1 knew the CPU only, one camera a step, and no faults.
+
+    Raises:
+        FormatError: it is of a version that is not known.
+    """
+    if header["version"] == VERSION:
+        return header
+    if header["version"] != 1:
+        raise FormatError(f"its version is {header['version']}, expected 1 to {VERSION}")
     options = {**header["options"], "device": "cpu", "cameras_per_step": 1}
     options["density"] = {**options["density"], "gradient": "ndc"}
     return {**header, "faults": asdict(Faults()), "options": options}
@@ -114,26 +119,29 @@ def parse_faults(record: dict[str, Any]) -> Faults:
 
 
 def _check(path: str | os.PathLike[str], state: TrainState) -> None:
-    """Refuse arrays that do not belong together, and counts that are none."""
+    """Refuse arrays that do not belong together, counts that are none, and numbers that would spoil every step to come."""
     if min(state.iteration, *state.steps.values()) < 0:
         raise FormatError(f"{path}: iteration {state.iteration} with steps {state.steps}, expected none below 0")
     if state.binding.ndim != 1 or state.binding.dtype != np.int32:
         raise FormatError(f"{path}: binding is {state.binding.dtype} {state.binding.shape}, expected (n,) int32")
+    if (np.diff(state.binding) < 0).any():
+        raise FormatError(f"{path}: binding falls, expected Gaussians sorted by triangle")
     for name in ("gradient_sum", "gradient_count"):
         if getattr(state, name).shape != state.binding.shape:
             raise FormatError(f"{path}: {name} is {getattr(state, name).shape}, expected {state.binding.shape}")
     for name in VALUES:
         value = state.values[name]
-        wrong = name in ATTRIBUTES and len(value) != len(state)
+        wrong = value.ndim == 0 or (name in ATTRIBUTES and len(value) != len(state))
         for kind in MOMENTS:
             other = getattr(state, kind)[name]
-            if not np.isfinite(other).all():
-                row = int(np.argmin(np.isfinite(other).reshape(len(other), -1).all(axis=1)))
-                raise FormatError(f"{path}: {kind} of {name} is not finite at row {row}")
             if wrong or other.shape != value.shape or other.dtype != np.float32:
                 raise FormatError(
                     f"{path}: {kind} of {name} is {other.dtype} {other.shape}, which fits nothing else in it"
                 )
+            good = np.isfinite(other) & ((other >= 0) | (kind != "second"))
+            if not good.all():
+                row, expected = int(np.argwhere(~good)[0, 0]), "none below 0" if kind == "second" else "finite numbers"
+                raise FormatError(f"{path}: {kind} of {name} has {other[~good][0]} in row {row}, expected {expected}")
 
 
 def require_fit(path: str | os.PathLike[str], state: TrainState, fresh: TrainState, n_faces: int) -> None:
@@ -146,7 +154,8 @@ def require_fit(path: str | os.PathLike[str], state: TrainState, fresh: TrainSta
         n_faces: triangles of its head.
 
     Raises:
-        FormatError: an array has not the shape or type that this run's has, or a Gaussian is bound to no triangle.
+        FormatError: an array has not the shape or type that this run's has, a number is out of range, or a Gaussian is bound to no
+            triangle.
     """
     for name in VALUES:
         have, want = state.values[name].shape, fresh.values[name].shape
@@ -158,6 +167,8 @@ def require_fit(path: str | os.PathLike[str], state: TrainState, fresh: TrainSta
         array, like = getattr(state, name), getattr(fresh, name)
         if array.dtype != like.dtype or (name in {"thresholds", "ratios"} and array.shape != like.shape):
             raise FormatError(f"{path}: {name} is {array.dtype} {array.shape}, expected {like.dtype} {like.shape}")
+        if not ((array >= 0) & (array <= HIGHEST.get(name, np.inf))).all():  # true for NaN
+            raise FormatError(f"{path}: {name} holds a number that is none or out of range")
     if len(state) and not (state.binding.min() >= 0 and state.binding.max() < n_faces):
         raise FormatError(f"{path}: a Gaussian is bound to a triangle outside 0 to {n_faces - 1}")
 

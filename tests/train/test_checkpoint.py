@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -70,7 +71,14 @@ def test_a_checkpoint_of_the_version_before_is_read_as_what_it_was(path: Path) -
         ("gradient_sum", np.zeros(3, np.float32)),
         ("values.opacity_logit", np.full(7, np.nan, np.float32)),
         ("second.sh_dc", np.full((7, 3), np.inf, np.float32)),
+        ("second.sh_dc", np.full((7, 3), -1e-9, np.float32)),
+        ("values.position", np.array(["a", "b"])),
+        ("values.position", np.array(np.nan, np.float32)),
+        ("binding", np.arange(7, dtype=np.int32)[::-1].copy()),
         ("header", {"faults": {"count": 1}}),
+        ("header", {"version": 0}),
+        ("header", {"version": 3}),
+        ("header", {"iteration": math.inf}),
         ("header", {"iteration": -1}),
         ("header", {"steps": {"gaussians": -1, "motion": 0}}),
     ],
@@ -94,6 +102,10 @@ def test_damage_is_refused(path: Path, name, value) -> None:
         ("thresholds", np.zeros(7), "thresholds"),
         ("ratios", np.zeros(8, np.float32), "ratios"),
         ("gradient_count", np.zeros(7), "gradient_count"),
+        ("gradient_count", np.full(7, -1, np.int32), "gradient_count"),
+        ("gradient_sum", np.full(7, np.nan, np.float32), "gradient_sum"),
+        ("thresholds", np.full(8, np.nan), "thresholds"),
+        ("ratios", np.full(8, 1.1), "ratios"),
     ],
 )
 def test_what_is_whole_but_of_another_run_is_refused(path: Path, name, value, message) -> None:
