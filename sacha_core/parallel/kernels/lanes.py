@@ -183,12 +183,22 @@ def store_first(typingctx, array, index, count, value):
     def codegen(context, builder, signature, args):
         pointer = address(context, builder, signature.args[0], args[0], args[1])
         pointer = builder.bitcast(pointer, VECTOR.as_pointer())
-        shape = ir.FunctionType(ir.VoidType(), [VECTOR, pointer.type, INT, BITS])
-        function = cgutils.get_or_insert_function(builder.module, shape, "llvm.masked.store.v16f32.p0")
-        builder.call(function, [args[3], pointer, INT(4), lanes_below(builder, args[2])])
+        whole = builder.icmp_signed(">=", args[2], ir.Constant(args[2].type, LANES))
+        with builder.if_else(whole, likely=True) as (plain, partial):  # masked stores take several times as long
+            with plain:
+                builder.store(args[3], pointer, align=4)
+            with partial:
+                masked_store(builder, pointer, lanes_below(builder, args[2]), args[3])
         return context.get_dummy_value()
 
     return types.void(array, types.intp, types.intp, lanes_type), codegen
+
+
+def masked_store(builder, pointer, mask, value):
+    """Write the lanes of a mask."""
+    shape = ir.FunctionType(ir.VoidType(), [VECTOR, pointer.type, INT, BITS])
+    function = cgutils.get_or_insert_function(builder.module, shape, "llvm.masked.store.v16f32.p0")
+    builder.call(function, [value, pointer, INT(4), mask])
 
 
 @intrinsic

@@ -23,6 +23,7 @@ from sacha_core.parallel.kernels.lanes import (
     lanes_below,
     lanes_type,
     mask_type,
+    masked_store,
     shuffle,
     transposed,
 )
@@ -73,15 +74,25 @@ def store_columns(typingctx, array, index, width, count, columns):
 
     def codegen(context, builder, signature, args):
         start = address(context, builder, signature.args[0], args[0], args[1])
-        end = builder.mul(args[3], ir.Constant(args[3].type, step))
         columns = cgutils.unpack_tuple(builder, args[4])
-        table = joined(builder, columns)
+        table, parts = joined(builder, columns), []
         for k in range(step):
             places = [divmod(k * LANES + lane, step) for lane in range(LANES)]  # row and column of each lane
             value = shuffle(builder, table, table, [min(c, len(columns) - 1) * LANES + row for row, c in places])
-            mask = lanes_below(builder, builder.sub(end, ir.Constant(end.type, k * LANES)))
-            mask = builder.and_(mask, ir.Constant(BITS, [ir.IntType(1)(c < len(columns)) for _, c in places]))
-            masked_store(builder, builder.gep(start, [INT(k * LANES)]), mask, value)
+            given = ir.Constant(BITS, [ir.IntType(1)(c < len(columns)) for _, c in places])
+            place = builder.bitcast(builder.gep(start, [INT(k * LANES)]), VECTOR.as_pointer())
+            parts.append((k * LANES, place, given, value))
+        whole = builder.icmp_signed(">=", args[3], ir.Constant(args[3].type, LANES))
+        with builder.if_else(whole, likely=True) as (plain, partial):  # masked stores take several times as long
+            with plain:
+                for _, place, given, value in parts:
+                    kept = value if len(columns) == step else builder.select(given, value, builder.load(place, align=4))
+                    builder.store(kept, place, align=4)
+            with partial:
+                end = builder.mul(args[3], ir.Constant(args[3].type, step))
+                for first, place, given, value in parts:
+                    below = lanes_below(builder, builder.sub(end, ir.Constant(end.type, first)))
+                    masked_store(builder, place, builder.and_(below, given), value)
         return context.get_dummy_value()
 
     return types.void(array, types.intp, width, types.intp, columns), codegen
@@ -152,10 +163,3 @@ def masked_load(builder, pointer, mask):
     shape = ir.FunctionType(VECTOR, [pointer.type, INT, BITS, VECTOR])
     function = cgutils.get_or_insert_function(builder.module, shape, "llvm.masked.load.v16f32.p0")
     return builder.call(function, [pointer, INT(4), mask, NOTHING])
-
-
-def masked_store(builder, pointer, mask, value):
-    pointer = builder.bitcast(pointer, VECTOR.as_pointer())
-    shape = ir.FunctionType(ir.VoidType(), [VECTOR, pointer.type, INT, BITS])
-    function = cgutils.get_or_insert_function(builder.module, shape, "llvm.masked.store.v16f32.p0")
-    builder.call(function, [value, pointer, INT(4), mask])
