@@ -60,13 +60,15 @@ class Canvas:
         sheet = self._next(width, height)
         right, bottom = left + planes.shape[2], top + planes.shape[1]
         rows = sheet.pixels.reshape(height, 3 * width)
-        first, last = min(top, sheet.drawn[1]), max(bottom, sheet.drawn[3])
+        old = sheet.drawn
+        first, last = min(top, old[1]), max(bottom, old[3])
         bounds = even_ranges(last - first, self._pool.threads)
 
         def job(_: int, k: int) -> None:
             start, stop = first + bounds[k], first + bounds[k + 1]
-            self._place(planes, left, top, sheet.drawn, self._background, start, stop, rows)
+            self._place(planes, left, top, old, self._background, start, stop, rows)
 
+        sheet.drawn = (0, 0, width, height)  # until all rows are in place, whatever interrupts
         self._pool.run(job, len(bounds) - 1)
         sheet.drawn = (left, top, right, bottom)
         picture = sheet.pixels.view()

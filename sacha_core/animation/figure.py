@@ -126,8 +126,8 @@ class Figure:
         Raises:
             OptionError: the camera is unusable.
         """
-        centre = np.asarray(camera.centre, np.float32)
         view = view_parameters(camera, near)
+        centre = np.asarray(camera.centre, np.float32)
         bounds, sides = self._bounds, dict[int, tuple[float, float, float, float]]()
         colouring = self._colours_are_stale(centre)
 
@@ -139,6 +139,8 @@ class Figure:
                 self._colour(start, stop, centre)
             sides[k] = reach(start, stop, self._world[0], self._world[1], self._opacities, view)
 
+        if colouring:
+            self._coloured_from = None  # until all are, whatever interrupts
         with timed(self._watch, "carry, colour and bound"):
             self._pool.run(job, len(bounds) - 1)
         self._to_carry = self._to_colour = False

@@ -16,7 +16,7 @@ from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.codec import embedded_head, inspect, open_stream
 from sacha_core.codec.decoder import Source, read_source
-from sacha_core.errors import GeometryError
+from sacha_core.errors import GeometryError, OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import fit_components
 from sacha_core.flame.shelf import find_head
@@ -87,9 +87,13 @@ class Player:
         self._options = options
         self._pool = Pool(options.threads)
         self._rasteriser = Rasteriser(pool=self._pool, stopwatch=stopwatch)
-        self._background = np.broadcast_to(np.asarray(options.background, np.float32), 3)
+        self._background = background = np.asarray(options.background, np.float32)
+        if background.ndim == 0:
+            self._background = np.repeat(background, 3)
         self._canvas = Canvas(self._background, options.dtype, self._pool)
         turn, self._watch = math.radians(options.colour_turn_deg), stopwatch
+        if not turn >= 0:  # true for NaN, too
+            raise OptionError(f"colours may turn by {options.colour_turn_deg} degrees, expected 0 or more")
         still = self.motion.still()
         self._figure = Figure(gaussians, head, still, self._pool, options.sh_degree, colours, turn, stopwatch)
         self._posed: bytes | None = None  # parameters of the pose that the figure has

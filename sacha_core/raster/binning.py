@@ -29,7 +29,7 @@ __all__ = ["Binner", "Bins"]
 JOBS_PER_THREAD = 8  # so that threads finish together
 KEYS_PER_GAUSSIAN = 6  # room at first; doubled until it suffices
 MIN_ROOM = 4096  # keys of a job
-MAX_KEYS = 1 << 26
+MAX_KEYS = 1 << 26  # room of all jobs together, whatever was learned from scenes before: more do not fit into an entry
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Binner:
         self._space = buffers.space
         self._near = near
         self._watch = stopwatch
-        self._keys_per_gaussian = KEYS_PER_GAUSSIAN
+        self._room = MIN_ROOM  # of a job, as much as any scene so far has needed
 
     def bin(self, splats: Splats, camera: Camera) -> Bins:
         """Project, sort and deal out.
@@ -147,8 +147,9 @@ class Binner:
         span = self._space("span", blocks * LANES * 2, np.int32)
         histograms = self._space("histograms", jobs * columns * rows, np.int32).reshape(jobs, columns * rows)
         scratch = self._space("emit", self._pool.threads * EMIT_SCRATCH, np.int32).reshape(-1, EMIT_SCRATCH)
+        most = MAX_KEYS // max(jobs, 1)
         while True:
-            room = max(self._keys_per_gaussian * largest, MIN_ROOM)
+            room = min(max(KEYS_PER_GAUSSIAN * largest, self._room), most)
             keys, used = self._space("keys", jobs * room, np.int32), [0] * jobs
 
             def job(worker: int, k: int, keys: np.ndarray = keys, room: int = room, used: list[int] = used) -> None:
@@ -161,9 +162,9 @@ class Binner:
                 self._pool.run(job, jobs)
             if min(used, default=0) >= 0:
                 return Projection(view, inputs, chunks, records, depths, keys, span, histograms)
-            self._keys_per_gaussian = -(-2 * room // largest)
-            if 2 * jobs * room > MAX_KEYS:
-                self._keys_per_gaussian = KEYS_PER_GAUSSIAN
+            self._room = 2 * room
+            if room == most:
+                self._room = MIN_ROOM
                 raise SachaError(f"the splats touch more than {MAX_KEYS} tiles together; are their scales in metres?")
 
     def _deal(

@@ -19,7 +19,7 @@ def view_parameters(camera: Camera, near: float) -> Float[np.ndarray, " k"]:
     """Give the camera's parameters in the kernels' order, float32.
 
     Raises:
-        OptionError: a side is not 1 to 16384 pixels, or a number is not finite.
+        OptionError: a side is not 1 to 16384 pixels, a number is not finite, or rotation or translation have another shape.
 
     Source: limits of the slopes as gsplat has them.
     """
@@ -27,6 +27,9 @@ def view_parameters(camera: Camera, near: float) -> Float[np.ndarray, " k"]:
         raise OptionError(f"the image is {camera.width} x {camera.height} pixels, expected 1 to {MAX_SIDE} a side")
     if not (np.isfinite([camera.fx, camera.fy]).all() and camera.fx > 0 and camera.fy > 0):
         raise OptionError(f"the focal lengths are {camera.fx} and {camera.fy}, expected finite numbers above 0")
+    shapes = np.shape(camera.rotation), np.shape(camera.translation)
+    if shapes != ((3, 3), (3,)):
+        raise OptionError(f"the camera's rotation and translation have shapes {shapes}, expected (3, 3) and (3,)")
     view = np.zeros(layout.VIEW)
     view[layout.V_ROTATION : layout.V_ROTATION + 9] = np.ravel(camera.rotation)
     view[layout.V_TRANSLATION : layout.V_TRANSLATION + 3] = camera.translation

@@ -285,3 +285,28 @@ def test_closing_leaves_no_thread_behind(stream: bytes, head: HeadModel) -> None
     while set(threading.enumerate()) - before and time.monotonic() < until:
         time.sleep(0.01)
     assert set(threading.enumerate()) <= before
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"threads": 0}, "0 threads"),
+        ({"background": np.ones(4)}, "background"),
+        ({"background": np.nan}, "background"),
+        ({"colour_turn_deg": np.nan}, "degrees"),
+        ({"colour_turn_deg": -1.0}, "degrees"),
+        ({"dtype": np.int16}, "int16"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(avatar: Avatar, head: HeadModel, options: dict, said: str) -> None:
+    with pytest.raises(OptionError, match=said):
+        Player(avatar.gaussians, head, options=PlayOptions(**options))
+
+
+def test_a_camera_of_another_shape_is_refused_and_the_player_goes_on(avatar: Avatar, head: HeadModel) -> None:
+    camera = camera_from()
+    with Player(avatar.gaussians, head) as player:
+        for broken in ({"rotation": np.eye(4)}, {"translation": np.zeros(4)}):
+            with pytest.raises(OptionError, match="shapes"):
+                player.frame(0, replace(camera, **broken))
+        assert player.frame(0, camera).shape == (camera.height, camera.width, 3)

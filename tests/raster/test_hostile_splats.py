@@ -138,6 +138,18 @@ def test_more_keys_than_there_was_room_for() -> None:
     assert np.array_equal(frame.image, again.image)
 
 
+def test_room_for_a_few_large_splats_is_not_taken_for_what_many_small_ones_need(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("sacha_core.raster.binning.MAX_KEYS", 1 << 18)
+    rasteriser, small = Rasteriser(threads=2), scene(5, 3000)
+    rasteriser.forward(scene(2, 16, size=3.0), camera(2000, 2000), WHITE)
+    frame = rasteriser.forward(small, camera(), WHITE)
+    assert frame.bins.capacity <= 1 << 18
+    expected = Rasteriser(threads=2).forward(small, camera(), WHITE)
+    np.testing.assert_array_equal(frame.image, expected.image)
+
+
 def test_a_scale_in_the_wrong_unit_is_told_and_leaves_the_rasteriser_usable(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sacha_core.raster.binning.MAX_KEYS", 20000)
     fresh = Rasteriser(1)
