@@ -122,7 +122,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     stages = [] if watch is None else stage_times(watch)
     if stages:
         rows = [(row["stage"], f"{row['ms_per_iteration']:.3f}", f"{row['share']:.1%}") for row in stages]
-        console.say(f"\n{table(('stage', 'ms an iteration', 'share'), rows)}\n")
+        console.say(f"\n{table(('stage', 'ms an iteration', 'share'), rows)}")
     console.hint(
         f"sacha evaluate {trained.folder} {options.dataset}",
         f"sacha encode {trained.folder} -o {trained.folder.with_suffix('.sacha')}",

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from sacha_core.errors import OptionError, SachaError
 
-__all__ = ["MAX_CHANNELS", "ColourError", "SplatGradients", "Splats"]
+__all__ = ["LARGEST_COLOUR", "MAX_CHANNELS", "ColourError", "SplatGradients", "Splats"]
 
 MAX_CHANNELS = 4
 LARGEST_COLOUR = np.float32(1e30)  # beyond, gradients of what lies under a splat overflow though its image does not

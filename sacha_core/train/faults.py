@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 from sacha_core.avatar.motion import DYNAMIC_WIDTHS
 
-__all__ = ["LARGEST_GRADIENT", "Fault", "Faults"]
+__all__ = ["CAUSES", "LARGEST_GRADIENT", "Fault", "Faults"]
+
+# attributes in the order in which one spoils the next: a colour's gradient reaches the mean through the direction of view
+CAUSES = ("sh_dc", "sh_rest", "sensitivity_logit", "opacity_logit", "log_scale", "quaternion", "position")
 
 LARGEST_GRADIENT = (
     1e18  # from a little above, its square, which Adam keeps, is no float32 number; such a step is not taken either

@@ -194,6 +194,7 @@ def test_gaussians_may_come_and_go_between_the_halves_of_an_iteration(stage, sta
 
 SPOILT = {
     "sh_dc": ("sh_dc", (7, 1), np.nan, Fault(5, "colour", 7)),
+    "bright": ("sh_dc", (7, 1), 1e31, Fault(5, "colour", 7)),
     "sensitivity": ("sensitivity_logit", (9,), np.nan, Fault(5, "colour", 9)),
     "translation": ("translation", (1, 0), np.nan, Fault(5, "pose", 1)),
     "collapsed": ("translation", 1, 3e38, Fault(5, "pose", 1)),

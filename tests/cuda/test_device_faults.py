@@ -56,13 +56,13 @@ def test_a_gradient_is_named_by_parameter_and_row(scene, name, value) -> None:
     assert scene.first() == Fault(ITERATION, name, TIMESTEP if motion else 9)
 
 
-def test_the_lowest_row_comes_first_and_then_the_order_of_attributes(scene) -> None:
+def test_the_lowest_row_comes_first_and_then_the_order_of_causes(scene) -> None:
     scene.spoil("position", 8, np.nan)
     scene.spoil("sh_rest", 5, np.nan)
     scene.spoil("quaternion", 5, np.nan)
     scene.spoil("expression", TIMESTEP, np.nan)
     scene.sound()
-    assert scene.first() == Fault(ITERATION, "quaternion", 5)
+    assert scene.first() == Fault(ITERATION, "sh_rest", 5)
 
 
 def test_causes_come_in_the_order_in_which_a_step_meets_them(scene) -> None:

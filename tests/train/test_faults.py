@@ -10,7 +10,8 @@ import pytest
 from sacha_core.progress import silent
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.train.cpu_engine import CpuEngine
-from sacha_core.train.faults import LARGEST_GRADIENT, Fault, Faults
+from sacha_core.train.faults import CAUSES, LARGEST_GRADIENT, Fault, Faults
+from sacha_core.train.gradients import WIDTHS
 from sacha_core.train.loop import Run, train
 from sacha_core.train.options import LearningRates, TrainOptions
 from sacha_core.train.presets import scaled
@@ -148,6 +149,11 @@ def test_values_stay_finite_when_rates_are_a_hundred_times_too_high(tiny, tmp_pa
     model = train(tiny.capture, tiny.head, options, tmp_path)
     model.gaussians.validate(tiny.head.n_faces)
     model.motion.validate()
+
+
+def test_causes_are_all_attributes_and_in_the_order_in_which_the_cpu_looks() -> None:
+    assert sorted(CAUSES) == sorted(ATTRIBUTES)
+    assert [name for name in CAUSES if name != "sh_rest"] == list(WIDTHS)
 
 
 def test_a_fault_says_what_was_wrong_in_a_sentence() -> None:

@@ -6,14 +6,15 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from sacha_core.raster.splats import LARGEST_COLOUR
 from sacha_core.train.cuda.layout import Layout
-from sacha_core.train.faults import LARGEST_GRADIENT, Fault, Faults
-from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION
+from sacha_core.train.faults import CAUSES, LARGEST_GRADIENT, Fault, Faults
+from sacha_core.train.state import FITTED_MOTION
 
 __all__ = ["DeviceFaults"]
 
 SOUND = torch.iinfo(torch.int32).max
-POSE = 0  # codes, the earlier cause below the later: the pose; colours by row; gradients by row and attribute; motion; the loss
+POSE = 0  # codes, the earlier cause below the later: the pose; colours by row; gradients by row and cause; motion; the loss
 
 
 class DeviceFaults:
@@ -48,8 +49,8 @@ class DeviceFaults:
             gradient: in the layout.
             loss: of the iteration.
         """
-        lit = colours.isfinite().all(2).all(0)
-        gentle = gradient.abs() <= LARGEST_GRADIENT  # false for what is not a number
+        lit = (colours.abs() < float(LARGEST_COLOUR)).all(2).all(0)  # as are the next: false for what is not a number
+        gentle = gradient.abs() <= LARGEST_GRADIENT
         code = torch.stack(
             [
                 torch.where(posed, SOUND, POSE),
@@ -74,13 +75,13 @@ class DeviceFaults:
 
     @property
     def _loss_code(self) -> int:
-        return 1 + self._n * (1 + len(ATTRIBUTES)) + len(FITTED_MOTION)
+        return 1 + self._n * (1 + len(CAUSES)) + len(FITTED_MOTION)
 
     def _code_gradients(self, layout: Layout, device: torch.device) -> Int[Tensor, " p"]:
         """Give the code of a fault in each number of the layout."""
         codes = torch.full((layout.size,), SOUND, dtype=torch.int32, device=device)
-        views, start, count = layout.views(codes), 1 + self._n, len(ATTRIBUTES)
-        for place, name in enumerate(ATTRIBUTES):
+        views, start, count = layout.views(codes), 1 + self._n, len(CAUSES)
+        for place, name in enumerate(CAUSES):
             rows = torch.arange(self._n, dtype=torch.int32, device=device) * count + (start + place)
             views[name].copy_(rows.view(-1, *[1] * (views[name].dim() - 1)).expand_as(views[name]))
         for place, name in enumerate(FITTED_MOTION):
@@ -89,13 +90,13 @@ class DeviceFaults:
 
     def _cause(self, code: int, timestep: int) -> tuple[str, int]:
         """Give the parameter and the row of a fault."""
-        count, place = len(ATTRIBUTES), code - 1 - self._n
+        count, place = len(CAUSES), code - 1 - self._n
         if code == POSE:
             return "pose", timestep
         if place < 0:
             return "colour", code - 1
         if place < self._n * count:
-            return ATTRIBUTES[place % count], place // count
+            return CAUSES[place % count], place // count
         if code == self._loss_code:
             return "loss", timestep
         return FITTED_MOTION[place - self._n * count], timestep
