@@ -41,6 +41,7 @@ class Pool:
             raise OptionError(f"{threads} threads were asked for, expected 1 or more")
         self.threads = threads or available_threads()
         self._workers: list[Worker] = []
+        self._process: int | None = None  # that the workers live in
         self._free = Lock()
 
     def run(self, task: Callable[[int, int], None], jobs: int) -> None:
@@ -70,28 +71,35 @@ class Pool:
 
     def _share(self, work: Callable[[int], None], others: int) -> list[BaseException]:
         """Call work(0) here and work(1) to work(others) elsewhere; give the errors, the own one first, when all have ended."""
-        if not self._workers:  # threads begin with the first need of them, and end with the pool
+        if (
+            self._process != os.getpid()
+        ):  # threads begin with the first need of them, end with the pool, and are not forked
             self._workers = [Worker(number) for number in range(1, self.threads)]
+            self._process = os.getpid()
             weakref.finalize(self, dismiss, self._workers)
         busy, errors = self._workers[:others], list[BaseException]()
-        for worker in busy:
-            worker.begin(work)
         try:
+            for worker in busy:
+                worker.begin(work)
             work(0)
         except BaseException as error:  # noqa: BLE001 - `run` raises it when nobody is at work any more
             errors.append(error)
-        while busy:
+            for worker in busy:
+                worker.wake()  # who was to begin when an interrupt came
+        while True:
             try:
-                busy[-1].wait()
+                for worker in busy:
+                    worker.wait()
+                break
             except KeyboardInterrupt as interrupt:
                 errors.insert(0, interrupt)
-            else:
-                errors.extend(busy.pop().errors)
-        return errors
+        return [*errors, *(error for worker in busy for error in worker.errors)]
 
 
 class Worker:
     """A thread that sleeps until it is given something to do.
+
+    An interrupt may come between any two steps of who gives it: waking it twice, or waiting twice, does no harm.
 
     Args:
         number: that it works under.
@@ -103,36 +111,46 @@ class Worker:
     def __init__(self, number: int) -> None:
         self.errors: list[BaseException] = []
         self._number = number
-        self._work: Callable[[int], None] | None = None
+        self._task: tuple[Callable[[int], None] | None, Lock] | None = None
         self._begun, self._ended = (
             Lock(),
             Lock(),
-        )  # taken by who waits and given back by the other; quicker than semaphores
-        for lock in (self._begun, self._ended):
-            lock.acquire()
+        )  # quicker than semaphores; taken until there is something to do, or all is done
+        self._begun.acquire()
         Thread(target=self._live, name=f"sacha-{number}", daemon=True).start()
 
     def begin(self, work: Callable[[int], None] | None) -> None:
         """Give it something to do, which must have ended before the next; None lets it go."""
-        self._work = work
-        self._begun.release()
+        self.errors, ended = [], Lock()
+        ended.acquire()
+        self._task, self._ended = (work, ended), ended
+        self.wake()
+
+    def wake(self) -> None:
+        """Have it look whether there is something to do."""
+        if self._begun.locked():
+            self._begun.release()
 
     def wait(self) -> None:
         """Wait for the end of what was begun."""
-        self._ended.acquire()
+        with self._ended:
+            pass
 
     def _live(self) -> None:
         while True:
             self._begun.acquire()
-            if self._work is None:
+            task, self._task = self._task, None
+            if task is None:
+                continue
+            work, ended = task
+            if work is None:
                 return
-            self.errors = []
             try:
-                self._work(self._number)
+                work(self._number)
             except BaseException as error:  # noqa: BLE001 - the thread that waits raises it
                 self.errors = [error]
-            self._work = None
-            self._ended.release()
+            del task, work  # what it holds is not kept while there is nothing to do
+            ended.release()
 
 
 def dismiss(workers: Iterable[Worker]) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections import Counter
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -131,3 +135,52 @@ def test_ranges_are_even_and_complete(total: int, jobs: int) -> None:
     assert len(lengths) == min(total, jobs)
     assert max(lengths, default=1) - min(lengths, default=1) <= 1
     assert min(lengths, default=1) >= 1
+
+
+def test_an_interrupt_at_any_moment_leaves_the_pool_whole() -> None:
+    pool, armed, over = Pool(3), threading.Event(), threading.Event()
+    interrupted = 0
+
+    def interrupt() -> None:
+        for pause_s in np.random.default_rng(0).uniform(0, 5e-4, 300):
+            if not armed.wait(10):
+                return
+            armed.clear()
+            time.sleep(pause_s)
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+        over.set()
+        armed.set()
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    while not over.is_set():
+        done: list[int] = []
+        try:
+            armed.set()
+            while True:
+                done.clear()
+                pool.run(lambda _, job, done=done: done.append(job), 6)
+                assert sorted(done) == list(range(6))
+                if over.is_set():
+                    break
+        except KeyboardInterrupt:
+            interrupted += 1
+    thread.join(10)
+    assert interrupted == 300
+    pool.run(lambda _, job: done.append(job), JOBS)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+def test_a_forked_process_has_threads_of_its_own() -> None:
+    program = """
+import os, sys
+from sacha_core.parallel.pool import Pool
+pool, done = Pool(2), []
+pool.run(lambda _, job: None, 9)
+child = os.fork()
+pool.run(lambda _, job: done.append(job), 9)
+if child:
+    assert os.waitpid(child, 0)[1] == 0
+os._exit(sorted(done) != list(range(9)))
+"""
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=30)
