@@ -39,7 +39,7 @@ class Checkpoint:
         state: all that changes.
         options: of the run.
         events: what density control has done so far.
-        data: what the run was given, as `loop.fingerprint` tells it; resuming with something else is refused.
+        data: what the run was given, as `scene.fingerprint` tells it; resuming with something else is refused.
     """
 
     state: TrainState

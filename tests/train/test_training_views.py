@@ -65,6 +65,16 @@ def test_an_epoch_shows_every_view_once_in_an_order_of_its_own(tiny, timesteps, 
         assert steps != epoch_steps(views, most, seed + 1, epoch)
 
 
+def test_what_is_left_of_a_timestep_comes_anywhere_in_an_epoch(tiny) -> None:
+    """And not behind its full steps, where every epoch would end with steps of few cameras."""
+    views = tuple(replace(tiny.capture.train[0], timestep=t, camera_index=c) for t in range(6) for c in range(5))
+    places = [
+        place for epoch in range(50) for place, step in enumerate(epoch_steps(views, 4, 0, epoch)) if len(step) == 1
+    ]
+    assert np.bincount(places, minlength=12).min() > 0
+    assert np.mean(places) == pytest.approx(5.5, abs=1.0)  # the middle; 300 places spread by 3.5 each
+
+
 @pytest.mark.parametrize("room", [0, 3, 1 << 30], ids=["nothing kept", "some kept", "all kept"])
 def test_decoding_ahead_gives_what_asking_gives_and_not_far_ahead(tiny, room) -> None:
     views, whole = TrainingViews(tiny.capture, cache_bytes=room * 4 * 48 * 48), TrainingViews(tiny.capture)
