@@ -17,6 +17,10 @@ from sacha_core.train.state import Arrays
 __all__ = ["VECTORS", "Rig"]
 
 VECTORS = ("rotation", "neck", "jaw", "eyes")  # axis-angle vectors of the joints, in this order
+PLACES = {  # of the parameters in a row of numbers
+    "rotation": slice(0, 3), "neck": slice(3, 6), "jaw": slice(6, 9), "eyes": slice(9, 15), "translation": slice(15, 18),
+    "expression": slice(18, None),
+}  # fmt: skip
 
 
 class Rig:
@@ -52,7 +56,12 @@ class Rig:
         self._bounds = block_bounds(blocks, 1, pool.threads)
         self._space = np.empty((len(self._bounds) - 1, 3 * BLOCK), dtype)
         self._sums = np.zeros((blocks, j, 3, 4)), np.zeros((blocks, 3)), np.zeros((blocks, len(poser.directions)))
-        self._slopes = np.zeros(poser.joint_directions.shape[2]), np.zeros((5, 3)), np.zeros(3)
+        self._row = np.zeros(PLACES["expression"].start + poser.joint_directions.shape[2])
+        self._slopes = (
+            self._row[PLACES["expression"]],
+            self._row[: PLACES["eyes"].stop].reshape(5, 3),
+            self._row[PLACES["translation"]],
+        )
 
     def pose(self, parameters: Mapping[str, Float[np.ndarray, " p"]]) -> Pose:
         """Pose the head.
@@ -87,13 +96,10 @@ class Rig:
             )  # fmt: skip
 
         self._pool.run(job, len(bounds) - 1)
-        expression, vectors, translation = self._slopes
         pose_backward(
             *self._sums, pose.vectors, pose.rotations, pose.joints, poser.parents, pose.transforms, poser.joint_directions,
             poser.has_correctives, *self._slopes,
         )  # fmt: skip
-        flat = {"translation": translation, "expression": np.zeros(len(like["expression"]))}
-        flat["expression"][: len(expression)] = expression
-        parts = np.split(vectors.ravel(), np.cumsum([len(like[name]) for name in VECTORS])[:-1])
-        flat |= dict(zip(VECTORS, parts, strict=True))
-        return {name: flat[name].astype(value.dtype) for name, value in like.items()}
+        row = np.zeros(PLACES["expression"].start + len(like["expression"]), like["expression"].dtype)
+        row[: len(self._row)] = self._row
+        return {name: row[PLACES[name]] for name in like}
