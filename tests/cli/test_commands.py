@@ -118,11 +118,11 @@ def without(packages: tuple[str, ...], *arguments: object) -> subprocess.Complet
     """Run a command in a process of its own where some packages are not installed."""
     code = (
         "import sys\n"
-        "class Absent:\n"
-        "    def find_spec(self, name, path=None, target=None):\n"
-        f"        if name.split('.')[0] in {packages!r}:\n"
-        "            raise ModuleNotFoundError(f'No module named {name!r}', name=name)\n"
-        "sys.meta_path.insert(0, Absent())\n"
+        "from importlib.machinery import PathFinder\n"
+        "find = PathFinder.find_spec\n"
+        "def find_others(name, path=None, target=None):\n"
+        f"    return None if name.split('.')[0] in {packages!r} else find(name, path, target)\n"
+        "PathFinder.find_spec = find_others\n"
         "from sacha_core.cli import main\n"
         "sys.exit(main(sys.argv[1:]))"
     )
