@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Shaped, UInt8
 
+from sacha_core.errors import OptionError
 from sacha_core.parallel.buffers import Buffers
 from sacha_core.parallel.kernels.lanes import LANES
 from sacha_core.perception.kernels.differences import strip_spans
@@ -89,8 +90,20 @@ class ImageLoss:
             sensitivity: (h, w) reference sensitivity, 255 stands for 1; None leaves that channel without gradient.
             pixels: number of pixels that means are taken over, where `image` is the part of a larger one outside of which image and
                 target agree and no sensitivity is wanted or given; default: those of `image`.
+
+        Raises:
+            OptionError: the shapes do not go together.
         """
         colours, height, width = target.shape
+        least = colours + (sensitivity is not None)
+        if image.shape[1:] != (height, width) or len(image) < least:
+            raise OptionError(
+                f"the image has shape {image.shape}, expected ({least} or more, {height}, {width}) as the target's"
+            )
+        if sensitivity is not None and sensitivity.shape != (height, width):
+            raise OptionError(
+                f"the sensitivity has shape {sensitivity.shape}, expected ({height}, {width}) as the target's"
+            )
         count = height * width if pixels is None else pixels
         image = np.ascontiguousarray(image)
         given, wanted = Planes.of(image), Planes.of(target)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from sacha_core.errors import OptionError
 from sacha_core.parallel.pool import Pool
 from sacha_core.perception.image_loss import ImageLoss
 
@@ -149,3 +150,15 @@ def test_threads_change_no_bit() -> None:
     shared = ImageLoss(share=Pool(3).run)(image, target, sensitivity)
     assert alone.total == shared.total
     assert np.array_equal(alone.gradient, shared.gradient)
+
+
+def test_shapes_that_do_not_go_together_are_refused() -> None:
+    image, target, sensitivity = material(11)
+    for wrong in (
+        (image[:, :-1], target, sensitivity),
+        (image[:3], target, sensitivity),
+        (image[:2], target, None),
+        (image, target, sensitivity[:, 1:]),
+    ):
+        with pytest.raises(OptionError, match="as the target's"):
+            ImageLoss()(*wrong)
