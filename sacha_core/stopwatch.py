@@ -41,6 +41,12 @@ class Stopwatch:
             self._settle()
             self._running.pop()
 
+    def tell(self, stage: str, seconds: float) -> None:
+        """Count time that was measured elsewhere for a stage, and so not for the one that is running."""
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
+        if self._running:
+            self.seconds[self._running[-1]] -= seconds
+
     def _settle(self) -> None:
         """Give the time since the last change to the stage that was running."""
         now = time.perf_counter()

@@ -23,3 +23,15 @@ def test_stages_inside_one_another_share_the_time(monkeypatch) -> None:
 def test_nobody_measures_nothing() -> None:
     with timed(None, "stage") as nothing:
         assert nothing is None
+
+
+def test_what_was_measured_elsewhere_is_not_counted_twice(monkeypatch) -> None:
+    ticks = iter([0.0, 5.0])
+    monkeypatch.setattr("sacha_core.stopwatch.time.perf_counter", lambda: next(ticks))
+    watch = Stopwatch()
+    with watch("all"):
+        watch.tell("device", 2.0)
+        watch.tell("device", 1.0)
+    assert watch.seconds == {"all": 2.0, "device": 3.0}
+    watch.tell("device", 1.0)  # with nothing running
+    assert watch.seconds == {"all": 2.0, "device": 4.0}

@@ -169,14 +169,14 @@ class Run:
                 with timed(watch, REST):
                     self.iterate()
                     self._save()
-                now_s, done = time.monotonic(), self.iteration
-                if now_s - told_s >= REPORT_EVERY_S or done == iterations:
-                    told_s = now_s
-                    if losses := self.engine.losses():
-                        values["loss"] = losses["total"]
-                    values["gaussians"] = float(self.n_gaussians)
-                    values["iterations_per_s"] = (done - first) / max(now_s - begun_s, 1e-9)
-                    self.report(Progress("train", done, iterations, dict(values)))
+                    now_s, done = time.monotonic(), self.iteration
+                    if now_s - told_s >= REPORT_EVERY_S or done == iterations:
+                        told_s = now_s
+                        if losses := self.engine.losses():  # may wait for a device: iterations take that time, too
+                            values["loss"] = losses["total"]
+                        values["gaussians"] = float(self.n_gaussians)
+                        values["iterations_per_s"] = (done - first) / max(now_s - begun_s, 1e-9)
+                        self.report(Progress("train", done, iterations, dict(values)))
         state = self._take()
         fitted = state.motion(self.capture.motion)
         outcome = (state.gaussians(), fitted, tuple(self.events), state.faults, self.options.device)

@@ -42,4 +42,4 @@ class DeviceClock:
         for stage, begin, end in marks:
             end.synchronize()
             if watch is not None:
-                watch.seconds[stage] = watch.seconds.get(stage, 0.0) + begin.elapsed_time(end) / 1000
+                watch.tell(stage, begin.elapsed_time(end) / 1000)
