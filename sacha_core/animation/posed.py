@@ -96,7 +96,7 @@ class PosedHead:
         """Pose the head.
 
         Args:
-            expression: coefficients; those for which the motion or the head has no directions are ignored.
+            expression: coefficients; those for which the motion or the head has no directions are ignored, and missing ones are 0.
             vectors: (5, 3) axis-angle vector of root, neck, jaw, left and right eye, radians; those of joints that the head lacks are
                 ignored.
             translation: (3,) of the posed head, metres.

@@ -134,6 +134,15 @@ def test_coefficients_beyond_the_directions_are_ignored() -> None:
     np.testing.assert_allclose(posed.pose(longer, vectors, translation).vertices, poser(0), rtol=0, atol=ROUNDING_64)
 
 
+def test_missing_coefficients_are_zero(head: HeadModel) -> None:
+    motion = random_motion()
+    posed = PosedHead(head, motion)
+    expression, vectors, translation = arguments(motion, 0)
+    padded = np.where(np.arange(len(expression)) < 4, expression, 0)
+    expected = posed.pose(padded, vectors, translation).vertices.copy()
+    np.testing.assert_array_equal(posed.pose(expression[:4], vectors, translation).vertices, expected)
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 def test_degenerate_triangles_are_refused_as_numpy_does(threads: int) -> None:
     head, motion = random_head(), random_motion()

@@ -74,12 +74,13 @@ def gather_active(expression, rotations, has_correctives, rows, coefficients):
             rows[count], coefficients[count] = e, expression[e]
             count += 1
     if has_correctives:
+        first = rows.shape[0] - 9 * (rotations.shape[0] - 1)  # behind all expressions, of which a pose may give fewer
         for j in range(1, rotations.shape[0]):
             for i in range(3):
                 for c in range(3):
                     bend = rotations[j, i, c] - (1 if i == c else 0)
                     if bend != 0:
-                        rows[count] = expression.shape[0] + 9 * (j - 1) + 3 * i + c
+                        rows[count] = first + 9 * (j - 1) + 3 * i + c
                         coefficients[count] = bend
                         count += 1
     return count
