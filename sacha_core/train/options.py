@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
-from typing import Any, Literal, get_type_hints
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from sacha_core.density.selection import Guard
 from sacha_core.errors import OptionError
@@ -266,5 +266,8 @@ def _build(kind: type[Any], record: Any, where: str) -> Any:
         if is_dataclass(nested):
             values[name] = _build(nested, value, f"{where}.{name}")  # type: ignore[arg-type]
         else:
+            if get_origin(nested) is Literal:
+                known = get_args(nested)
+                _require(value in known, f"{where}.{name}", value, f"one of {', '.join(map(str, known))}")
             values[name] = tuple(value) if isinstance(value, list) else value
     return kind(**values)

@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from sacha_core.train.options import DensityOptions, ImportanceOptions, LossOptions, PruningOptions, Schedule
+import pytest
+
+from sacha_core.errors import OptionError
+from sacha_core.train.options import (
+    DensityOptions,
+    ImportanceOptions,
+    LossOptions,
+    PruningOptions,
+    Schedule,
+    TrainOptions,
+    from_record,
+)
 
 
 def test_losses() -> None:
@@ -41,3 +52,11 @@ def test_the_moments_of_the_paper_run() -> None:
     assert (schedule.position_decay, schedule.sh_every, schedule.size_prune_from) == (360_000, 1000, 60_000)
     # an importance score needs opacities that have settled
     assert all(c - r >= 10_000 for c in schedule.calibrations for r in schedule.opacity_resets if r <= c)
+
+
+def test_a_record_with_a_choice_that_there_is_not_is_refused() -> None:
+    record = TrainOptions().record()
+    assert from_record(record) == TrainOptions()
+    record["density"]["gradient"] = "signed"
+    with pytest.raises(OptionError, match=r"^options\.density\.gradient is signed, expected one of ndc, absolute$"):
+        from_record(record)
