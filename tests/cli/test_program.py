@@ -24,6 +24,9 @@ from sacha_core.cli.common import Common
 from sacha_core.errors import DatasetError, FormatError
 from sacha_core.progress import Progress
 
+LIGHT_SECONDS = (
+    0.3  # the promise of the design for the import; 0.05 s on an idle machine, the interpreter's own start included
+)
 QUICK_SECONDS = 1.0  # well below 0.2 s on an idle machine; the checks share it with others, so that what is loaded is the sharper test
 HEAVY = [
     "numpy", "numba", "torch", "trimesh", "xatlas", "constriction", "PIL", "scipy", "matplotlib", "rich", "av", "jaxtyping",
@@ -250,14 +253,14 @@ def quickest(code: str) -> float:
 
 def test_importing_the_front_door_is_light_and_quick() -> None:
     assert loaded("import sacha_core", *HEAVY, "tyro", "dataclasses") == []
-    assert quickest("import sacha_core") < QUICK_SECONDS
+    assert quickest("import sacha_core") < LIGHT_SECONDS
 
 
 def test_the_front_page_needs_no_package_and_is_quick() -> None:
     code = "from sacha_core.cli import main; "
     pages = "; ".join(f"assert main({arguments}) == 0" for arguments in ([], ["--help"], ["--version"]))
     assert loaded(code + pages, *HEAVY, "tyro", "dataclasses") == []
-    assert quickest(code + "main(['--help'])") < QUICK_SECONDS
+    assert quickest(code + "main(['--help'])") < LIGHT_SECONDS
 
 
 def test_help_of_a_command_loads_nothing_that_works_and_is_quick() -> None:
