@@ -37,9 +37,9 @@ class Fault:
         if self.parameter == "loss":
             return f"loss of a view of timestep {self.row} was not finite"
         if self.parameter == "colour":
-            return f"colour of Gaussian {self.row} was not finite"
+            return f"colour of Gaussian {self.row} was not finite, or too large for float32"
         owner = "timestep" if self.parameter in BY_TIMESTEP else "Gaussian"
-        return f"gradient of {self.parameter} of {owner} {self.row} was not finite"
+        return f"gradient of {self.parameter} of {owner} {self.row} was not finite, or too large for float32"
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,6 @@ __all__ = ["GaussianGradients", "ViewColours"]
 CHUNKS = 32  # of triangles, fixed, so that penalties are summed in the same order by any number of threads
 # in the order in which one spoils the next: a colour's gradient reaches the mean through the direction of view
 WIDTHS = {"sh_dc": 3, "sensitivity_logit": 1, "opacity_logit": 1, "log_scale": 3, "quaternion": 4, "position": 3}
-SUMMED = {"means": 3, "scales": 3, "quaternions": 4, "opacities": 1, "sensitivities": 1}  # over the views of a step
 
 
 @dataclass(frozen=True)

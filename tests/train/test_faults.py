@@ -159,12 +159,16 @@ def test_causes_are_all_attributes_and_in_the_order_in_which_the_cpu_looks() -> 
 def test_a_fault_says_what_was_wrong_in_a_sentence() -> None:
     assert str(Faults()) == "no step was skipped"
     one = Faults().and_one(Fault(7, "position", 31))
-    assert str(one) == "1 step was skipped, at iteration 7: gradient of position of Gaussian 31 was not finite"
+    assert (
+        str(one)
+        == "1 step was skipped, at iteration 7: gradient of position of Gaussian 31 was not finite, or too large for float32"
+    )
     two = one.and_one(Fault(9, "loss", 2))
     assert (
-        str(two) == "2 steps were skipped, the first at iteration 7: gradient of position of Gaussian 31 was not finite"
+        str(two)
+        == "2 steps were skipped, the first at iteration 7: gradient of position of Gaussian 31 was not finite, or too large for float32"
     )
-    assert str(Fault(1, "jaw", 4)) == "gradient of jaw of timestep 4 was not finite"
+    assert str(Fault(1, "jaw", 4)) == "gradient of jaw of timestep 4 was not finite, or too large for float32"
     assert str(Fault(1, "pose", 4)) == "the pose of timestep 4 left a triangle without area"
     assert str(Fault(1, "loss", 4)) == "loss of a view of timestep 4 was not finite"
-    assert str(Fault(1, "colour", 4)) == "colour of Gaussian 4 was not finite"
+    assert str(Fault(1, "colour", 4)) == "colour of Gaussian 4 was not finite, or too large for float32"
