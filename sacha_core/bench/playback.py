@@ -196,13 +196,13 @@ def stage_rows(preset: Preset, files: Files) -> list[Row]:
             playing()
             runs.append(dict(watch.seconds))
         whole = playing.times
-    n_frames = len(whole.wall_s) // len(runs)
+    n_frames, all_s = len(whole.wall_s) // len(runs), float(sum(whole.wall_s))
     rows: list[Row] = []
     for stage in runs[0]:
         spent = np.array([run[stage] / n_frames for run in runs])
         times = Times(spent, spent)
         row = {key: value for key, value in times.row("spent").items() if not key.endswith("busy_ms")}
-        rows.append({"table": "stages", "stage": stage, **row, "share_ratio": times.median_ms / whole.median_ms})
+        rows.append({"table": "stages", "stage": stage, **row, "share_ratio": sum(run[stage] for run in runs) / all_s})
     return rows
 
 

