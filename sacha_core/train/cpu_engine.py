@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
-from typing import cast
 
 import numpy as np
 from jaxtyping import Float
@@ -54,7 +53,7 @@ class CpuEngine:
         self._fine_tune, losses = options.fine_tune, options.losses
         self._pool = Pool(options.threads)
         self._rig = Rig(head, motion, self._pool)
-        self._rasteriser = Rasteriser(pool=self._pool, stopwatch=cast("Stopwatch", self._time))
+        self._rasteriser = Rasteriser(pool=self._pool, stopwatch=self._time)
         self._drawer, self._looker = (Drawer(self._rasteriser, self._pool, self._time) for _ in range(2))
         self._image_loss = ImageLoss(losses.l1, losses.ssim, losses.sensitivity, self._pool.run)
         self._gradients = GaussianGradients(losses, self._rig, self._pool, options.fine_tune)
