@@ -12,7 +12,18 @@ from sacha_core.flame.model import HeadModel
 from sacha_core.geometry.rotation import rotation_vectors_to_matrices
 from sacha_core.geometry.skinning import joint_transforms, skin
 
-__all__ = ["HeadMotion", "Poser", "fit_components", "person_template", "pose_many", "pose_vertices"]
+__all__ = [
+    "TURNS",
+    "HeadMotion",
+    "Poser",
+    "fit_components",
+    "joint_vectors",
+    "person_template",
+    "pose_many",
+    "pose_vertices",
+]
+
+TURNS = ("rotation", "neck", "jaw", "eyes")  # axis-angle vectors of the joints, in this order
 
 
 @runtime_checkable
@@ -96,8 +107,9 @@ class Poser:
         """
         dtype = self.template.dtype
         expression = self.expressions[frame]
-        pose = np.concatenate([getattr(self.motion, name)[frame] for name in ("rotation", "neck", "jaw", "eyes")])
-        rotations = rotation_vectors_to_matrices(pose.astype(dtype, copy=False).reshape(5, 3)[: len(self.parents)])
+        rotations = rotation_vectors_to_matrices(
+            joint_vectors(self.motion, frame).astype(dtype, copy=False)[: len(self.parents)]
+        )
         unposed, joints = self.unposed(expression, rotations)
         posed = skin(unposed, self.weights, joint_transforms(rotations, joints, self.parents))
         posed += self.motion.translation[frame].astype(dtype, copy=False)
@@ -113,6 +125,15 @@ class Poser:
             coefficients = np.concatenate([expression, correctives.reshape(-1)])
         vertices = self.template + np.einsum("k,kx->x", coefficients, self.directions).reshape(-1, 3)
         return vertices, self.joints + np.einsum("jce,e->jc", self.joint_directions, expression)
+
+
+def joint_vectors(motion: HeadMotion, frame: int) -> Float[np.ndarray, "5 3"]:
+    """Give the axis-angle vectors of root, neck, jaw, left and right eye in one frame, radians.
+
+    Raises:
+        IndexError: the motion has no such frame.
+    """
+    return np.concatenate([getattr(motion, name)[frame] for name in TURNS]).reshape(5, 3)
 
 
 def pose_vertices(head: HeadModel, motion: HeadMotion, frame: int) -> Float[np.ndarray, "v 3"]:

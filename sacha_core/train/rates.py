@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from sacha_core.flame.posing import TURNS
 from sacha_core.train.options import LearningRates, Schedule
 from sacha_core.train.state import ATTRIBUTES
 
@@ -23,7 +24,7 @@ def learning_rates(rates: LearningRates, schedule: Schedule, iteration: int, ext
     return {
         "position": position * extent,
         **{name: getattr(rates, name) for name in ATTRIBUTES if name != "position"},
-        **dict.fromkeys(("rotation", "neck", "jaw", "eyes"), rates.pose),
+        **dict.fromkeys(TURNS, rates.pose),
         "translation": rates.translation,
         "expression": rates.expression,
     }

@@ -9,14 +9,13 @@ from jaxtyping import Float
 
 from sacha_core.animation.posed import Pose, PosedHead, block_bounds
 from sacha_core.flame.model import HeadModel
-from sacha_core.flame.posing import HeadMotion
+from sacha_core.flame.posing import TURNS, HeadMotion
 from sacha_core.parallel.pool import Pool
 from sacha_core.train.kernels.pose_backward import BLOCK, pose_backward, vertices_backward
 from sacha_core.train.state import Arrays
 
-__all__ = ["VECTORS", "Rig"]
+__all__ = ["Rig"]
 
-VECTORS = ("rotation", "neck", "jaw", "eyes")  # axis-angle vectors of the joints, in this order
 PLACES = {  # of the parameters in a row of numbers
     "rotation": slice(0, 3), "neck": slice(3, 6), "jaw": slice(6, 9), "eyes": slice(9, 15), "translation": slice(15, 18),
     "expression": slice(18, None),
@@ -76,7 +75,7 @@ class Rig:
         Raises:
             GeometryError: a triangle has zero area or a vertex that is not finite; the message names the first such triangle.
         """
-        vectors = np.concatenate([parameters[name] for name in VECTORS]).reshape(5, 3)
+        vectors = np.concatenate([parameters[name] for name in TURNS]).reshape(5, 3)
         return self._posed.pose(parameters["expression"], vectors, parameters["translation"])
 
     def backward(self, pose: Pose, like: Mapping[str, Float[np.ndarray, " p"]]) -> Arrays:

@@ -10,6 +10,7 @@ import numpy as np
 from sacha_core.animation.posed import PosedHead
 from sacha_core.errors import DatasetError, GeometryError
 from sacha_core.flame.model import HeadModel
+from sacha_core.flame.posing import joint_vectors
 from sacha_core.interchange.capture import Capture
 from sacha_core.train.state import FITTED_MOTION
 
@@ -54,9 +55,8 @@ def require_poses(capture: Capture, head: HeadModel) -> None:
     motion = capture.motion
     posed = PosedHead(head, motion)
     for timestep in sorted({view.timestep for view in capture.train}):
-        vectors = np.concatenate([getattr(motion, name)[timestep] for name in ("rotation", "neck", "jaw", "eyes")])
         try:
-            posed.pose(motion.expression[timestep], vectors.reshape(5, 3), motion.translation[timestep])
+            posed.pose(motion.expression[timestep], joint_vectors(motion, timestep), motion.translation[timestep])
         except GeometryError as error:
             raise GeometryError(f"timestep {timestep}: {error}") from error
 

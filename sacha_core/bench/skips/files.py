@@ -12,13 +12,13 @@ from sacha_core.bench.preset import Preset
 from sacha_core.bench.scenes import made_avatar
 from sacha_core.bench.skips.skip import Bytes, Process, apart
 from sacha_core.codec import decode, encode
+from sacha_core.train.state import FITTED_MOTION
 
 __all__ = ["file_skips", "import_skips"]
 
 CODEC = "tests/skips/test_skips_codec.py"
 PROGRAM = "tests/cli/test_program.py"
 EVERYTHING = "import sacha_core; [getattr(sacha_core, name) for name in sacha_core.__all__]"
-DYNAMIC = ("expression", "rotation", "neck", "jaw", "eyes", "translation")
 
 
 def file_skips(preset: Preset) -> Iterator[Bytes]:
@@ -55,11 +55,11 @@ def file_skips(preset: Preset) -> Iterator[Bytes]:
         apart(kept.static_offset, 0),
         f"{CODEC}::test_vertex_offsets",
     )
-    first: dict[str, Any] = {name: np.repeat(getattr(motion, name)[:1], len(motion), axis=0) for name in DYNAMIC}
+    first: dict[str, Any] = {name: np.repeat(getattr(motion, name)[:1], len(motion), axis=0) for name in FITTED_MOTION}
     still = encode(replace(avatar, motion=replace(motion, **first)), head=head)
     without = len(encode(replace(avatar, motion=None), head=head))
     found = decode(still, head=head).motion
-    moved = max(apart(getattr(found, name), getattr(found, name)[:1]) for name in DYNAMIC)
+    moved = max(apart(getattr(found, name), getattr(found, name)[:1]) for name in FITTED_MOTION)
     yield Bytes(
         "motion that rests, in a file",
         len(still) - without,

@@ -17,11 +17,11 @@ from sacha_core.bench.skips.skip import Work, apart
 from sacha_core.codec import decode, encode, open_stream
 from sacha_core.flame.model import HeadModel
 from sacha_core.parallel.pool import Pool
+from sacha_core.train.state import FITTED_MOTION
 
 __all__ = ["playing_skips"]
 
 SMALLEST = np.float32(1e-30)  # a coefficient that is not 0, and moves no vertex by a bit
-DYNAMIC = ("expression", "rotation", "neck", "jaw", "eyes", "translation")
 
 
 def playing_skips(preset: Preset) -> Iterator[Work]:
@@ -92,7 +92,7 @@ def motion_groups(preset: Preset, head: HeadModel) -> Iterator[Work]:
     def group_error() -> float:
         group, everything = reader.group(last), reader.all()
         tail = len(group)
-        return max(apart(getattr(group, name), getattr(everything, name)[-tail:]) for name in DYNAMIC)
+        return max(apart(getattr(group, name), getattr(everything, name)[-tail:]) for name in FITTED_MOTION)
 
     folder = "tests/codec/test_motion_groups.py"
     yield Work(

@@ -20,6 +20,7 @@ from torch import Tensor
 from sacha_core.bench.stability.case import Case, Findings
 from sacha_core.bench.stability.chain import DEGREE, Chain, Setting, chain
 from sacha_core.bench.stability.exact_step import ExactLoss, StepDecisions, exact_loss, step_leaves
+from sacha_core.flame.posing import TURNS
 from sacha_core.train.cpu_engine import CpuEngine
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION
@@ -31,7 +32,6 @@ STEP = 1e-5
 SLOPE = 1e-6  # relative to the largest gradient of the kind: what STEP leaves of both
 SHIPPED = 1e-4  # likewise: float32 sums over a thousand pixels, through some ten stages; 4e-5 was seen
 LOSS = 1e-6  # relative: float32 sums
-TURNS = ("rotation", "neck", "jaw", "eyes")
 SMALL_TURN = 0.01  # of the largest gradient by any of them
 SAMPLES = 10  # numbers of a parameter that are moved alone
 DIRECTIONS = 3  # random ones, in which all are moved together

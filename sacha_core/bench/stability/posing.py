@@ -17,14 +17,13 @@ from sacha_core.bench.stability.case import Case, Findings
 from sacha_core.bench.stability.exact_head import ExactHead
 from sacha_core.errors import FormatError, GeometryError
 from sacha_core.flame.model import HeadModel
-from sacha_core.flame.posing import Poser
+from sacha_core.flame.posing import TURNS, Poser, joint_vectors
 from sacha_core.flame.synthetic import synthetic_head
 
 __all__ = ["WAYS", "cases", "drift_mm"]
 
 F = np.float32
 EPS = float(np.finfo(F).eps)
-ROTATIONS = ("rotation", "neck", "jaw", "eyes")
 # Roundings of the largest coordinate that a vertex may be off, whatever the pose: sums of some tens of terms
 DRIFT = 8.0
 TURNED = 4.0  # the same for each radian of the longest rotation vector, where it is turned in float32
@@ -91,7 +90,7 @@ class Posers:
 
     def exact(self, frame: int) -> Float[np.ndarray, "v 3"]:
         """Give the vertices in float64."""
-        names = ("expression", *ROTATIONS, "translation")
+        names = ("expression", *TURNS, "translation")
         leaves = {name: torch.from_numpy(getattr(self._motion, name)[frame].astype(np.float64)) for name in names}
         vertices: np.ndarray = self._exact.vertices(leaves).numpy()
         return vertices
@@ -105,7 +104,7 @@ class Posers:
         motion = self._motion
         if way == "plain":
             return self._plain(frame)
-        vectors = np.concatenate([getattr(motion, name)[frame] for name in ROTATIONS]).reshape(5, 3)
+        vectors = joint_vectors(motion, frame)
         pose = self._compiled.pose(motion.expression[frame], vectors, motion.translation[frame])
         sound = all(np.isfinite(array).all() for array in (*vars(pose.frames).values(), pose.quaternions))
         return pose.vertices if sound else np.full_like(pose.vertices, np.nan)
@@ -169,7 +168,7 @@ def _drift(size: str, findings: Findings) -> None:
 
 def _hold(findings: Findings, head: HeadModel, motion: Motion) -> None:
     """Pose every frame both ways, and require what must be."""
-    longest = max(float(np.abs(getattr(motion, name)).max()) for name in ROTATIONS)
+    longest = max(float(np.abs(getattr(motion, name)).max()) for name in TURNS)
     posers = Posers(head, motion)
     for way in WAYS:
         for frame in range(len(motion)):

@@ -14,6 +14,7 @@ from sacha_core.animation.posed import PosedHead
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.flame.model import HeadModel
+from sacha_core.flame.posing import joint_vectors
 from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.interchange.capture import Capture, View
 from sacha_core.raster.camera import Camera
@@ -62,9 +63,8 @@ def film(view: View, head: HeadModel, motion: Motion) -> UInt8[np.ndarray, "h w 
     true = initial_gaussians(head.n_faces, np.random.default_rng(13), 0)
     colours = np.random.default_rng(14).random((head.n_faces, 3), np.float32)
     true = replace(true, opacity_logit=np.full(head.n_faces, 4, np.float32), log_scale=true.log_scale - np.float32(0.7))
-    parts = [getattr(motion, name)[view.timestep] for name in ("rotation", "neck", "jaw", "eyes")]
     pose = PosedHead(head, motion).pose(
-        motion.expression[view.timestep], np.concatenate(parts).reshape(5, 3), motion.translation[view.timestep]
+        motion.expression[view.timestep], joint_vectors(motion, view.timestep), motion.translation[view.timestep]
     )
     picture = render_avatar(true, pose.frames, view.camera, colours=colours)
     pixels: np.ndarray = (np.clip(picture.colour, 0, 1) * 255).round().astype(np.uint8)
