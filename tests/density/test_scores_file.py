@@ -11,7 +11,7 @@ import pytest
 
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.density.events import Calibration, Densification, OpacityReset, Pruning, dump_events, parse_events
-from sacha_core.density.scores_file import Scores, read_scores, write_scores
+from sacha_core.density.scores_file import BlendingSums, Scores, read_scores, write_scores
 from sacha_core.errors import FormatError
 from sacha_core.npz import read_npz, write_npz
 
@@ -33,7 +33,8 @@ def scores() -> Scores:
     }  # fmt: skip
     attributes = {name: rng.normal(size=(n, *shape)).astype(np.float32) for name, shape in shapes.items()}
     gaussians = Gaussians(**attributes, binding=np.arange(n, dtype=np.int32) // 2)
-    return Scores(gaussians, rng.exponential(size=n), 5, "paper", EVENTS)
+    sums = BlendingSums(rng.exponential(size=n), rng.random(n), 12)
+    return Scores(gaussians, rng.exponential(size=n), 5, "paper", EVENTS, sums)
 
 
 def test_scores_come_back_to_the_bit(scores, tmp_path: Path) -> None:
@@ -45,6 +46,20 @@ def test_scores_come_back_to_the_bit(scores, tmp_path: Path) -> None:
         assert np.array_equal(ours, theirs)
     assert np.array_equal(back.score, scores.score)
     assert (back.n_faces, back.scheme, back.events) == (5, "paper", EVENTS)
+    assert back.sums is not None
+    assert back.sums.n_views == 12
+    assert np.array_equal(back.sums.weight, scores.sums.weight)
+    assert np.array_equal(back.sums.sensitive_weight, scores.sums.sensitive_weight)
+
+
+def test_files_without_blending_sums_are_read_too(scores, tmp_path: Path) -> None:
+    write_scores(tmp_path / "a.npz", replace(scores, sums=None))
+    assert read_scores(tmp_path / "a.npz").sums is None
+
+
+def test_visible_is_what_has_more_than_so_many_pixels_a_view() -> None:
+    sums = BlendingSums(np.array([0.0, 1.0, 1.001]), np.zeros(3), 10)
+    assert sums.visible(0.1).tolist() == [False, False, True]
 
 
 def test_equal_scores_make_equal_bytes(scores, tmp_path: Path) -> None:
@@ -74,6 +89,10 @@ def test_gaussians_without_sensitivity_are_no_scores(scores, tmp_path: Path) -> 
         ("score", np.full(9, np.inf), "not finite"),
         ("sh_rest", np.zeros((9, 2, 3), np.float32), "sh_rest"),
         ("scheme", np.array(3), "one text"),
+        ("weight", np.full(9, np.nan), "negative"),
+        ("weight", np.zeros(8), "expected"),
+        ("sensitive_weight", None, "all or none"),
+        ("n_views", np.array(-1), "0 or more"),
         ("events", np.array("{}"), "event 1"),
     ],
 )

@@ -1,0 +1,118 @@
+"""Another budget from scores: exact counts, orders and proportions that theorems give, and refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sacha_core.avatar.binding import initial_gaussians
+from sacha_core.density.events import Calibration
+from sacha_core.density.rebudget import Budget, rebudget
+from sacha_core.density.scores_file import Scores
+from sacha_core.errors import FormatError, OptionError
+
+N_REGIONS = 4
+LABELS = np.arange(60, dtype=np.uint8) % N_REGIONS
+
+
+def scores_of(seed: int = 0, modulator: tuple[float | None, ...] = (1.0, 1.0, 1.0, 1.0)) -> Scores:
+    """Give 60 Gaussians, 15 a region, with different scores."""
+    rng = np.random.default_rng(seed)
+    nothing = (None,) * N_REGIONS
+    event = Calibration(
+        7, (15,) * 4, (15,) * 4, nothing, nothing, nothing, None, None, None, modulator, (3e-4,) * 4, (0.2,) * 4, "plain"
+    )  # fmt: skip
+    gaussians = initial_gaussians(60, rng, 0)
+    gaussians = replace(gaussians, sensitivity_logit=rng.normal(size=60).astype(np.float32))
+    return Scores(gaussians, rng.exponential(size=60), 60, "paper", (event,))
+
+
+@given(st.integers(1, 60), st.integers(0, 99))
+def test_exactly_the_wanted_number_stays_and_nothing_that_goes_is_worth_more(count, seed) -> None:
+    scores = scores_of(seed)
+    found = rebudget(scores, LABELS, N_REGIONS, Budget(count / 60))
+    assert len(found.rows) == count
+    gone = np.delete(scores.score, found.rows)
+    assert gone.max(initial=0) <= scores.score[found.rows].min()
+    assert sum(found.pruning.after) == count
+    assert found.pruning.iteration == 7
+
+
+@given(st.floats(0.02, 1), st.integers(0, 99))
+def test_quotas_of_regions_are_floors_of_their_shares(keep, seed) -> None:
+    scores = scores_of(seed, (0.5, 1.0, None, 1.9))
+    found = rebudget(scores, LABELS, N_REGIONS, Budget(keep, scope="regions"))
+    ratios = np.minimum((1 - keep) * np.array([0.5, 1.0, 1.0, 1.9]), 1)
+    assert found.pruning.removed == tuple(np.floor(15 * ratios + 1e-9).astype(int))
+
+
+@given(st.floats(0.1, 10), st.integers(0, 99))
+def test_a_weight_is_the_same_as_that_factor_on_the_scores_of_its_region(weight, seed) -> None:
+    scores = scores_of(seed)
+    found = rebudget(scores, LABELS, N_REGIONS, Budget(0.5, {2: weight}))
+    factor = np.where(LABELS == 2, weight, 1.0)
+    same = rebudget(replace(scores, score=scores.score * factor), LABELS, N_REGIONS, Budget(0.5))
+    assert found.rows.tolist() == same.rows.tolist()
+
+
+@given(st.integers(0, 99), st.floats(1, 50))
+def test_more_weight_never_costs_a_region_a_gaussian(seed, weight) -> None:
+    scores = scores_of(seed, (0.7, 1.4, 1.0, 0.9))
+    plain = rebudget(scores, LABELS, N_REGIONS, Budget(0.4))
+    for scope in ("weighted", "regions"):
+        before = rebudget(scores, LABELS, N_REGIONS, Budget(0.4, scope=scope)).pruning.after[0]
+        assert rebudget(scores, LABELS, N_REGIONS, Budget(0.4, {0: weight}, scope=scope)).pruning.after[0] >= before
+    assert len(plain.rows) == len(rebudget(scores, LABELS, N_REGIONS, Budget(0.4, {0: weight})).rows)
+
+
+def test_measurements_are_bounded_and_weights_are_not() -> None:
+    found = rebudget(scores_of(0, (0.01, 9.0, 1.0, None)), LABELS, N_REGIONS, Budget(0.5, {0: 4.0}, 0.5, 2.0))
+    assert found.modulator.tolist() == [0.125, 2.0, 1.0, 1.0]
+
+
+def test_without_a_calibration_the_sensitivities_speak() -> None:
+    scores = replace(scores_of(), events=())
+    logits = np.where(LABELS == 1, 0.0, -1.0986122886681098)  # sensitivities 1/2 and 1/4
+    scores = replace(scores, gaussians=replace(scores.gaussians, sensitivity_logit=logits))
+    found = rebudget(scores, LABELS, N_REGIONS, Budget(0.5))
+    assert found.modulator == pytest.approx([1.25, 0.625, 1.25, 1.25], rel=1e-12)
+
+
+def test_what_no_view_shows_goes_first_whatever_its_region_is_worth() -> None:
+    scores = scores_of()
+    scores.score[LABELS == 3] = 0
+    found = rebudget(scores, LABELS, N_REGIONS, Budget(0.75, {3: 1000.0}))
+    assert found.pruning.after == (15, 15, 15, 0)
+
+
+def test_keeping_all_keeps_all() -> None:
+    assert rebudget(scores_of(), LABELS, N_REGIONS, Budget(1.0)).rows.tolist() == list(range(60))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"keep": 0.0}, "keep is 0"),
+        ({"keep": 1.5}, "keep is 1.5"),
+        ({"keep": float("nan")}, "keep is nan"),
+        ({"keep": 0.5, "weights": {1: 0.0}}, "weight of region 1"),
+        ({"keep": 0.5, "weights": {1: float("inf")}}, "weight of region 1"),
+        ({"keep": 0.5, "lowest_modulator": 3.0}, "bounded by 3"),
+    ],
+)
+def test_a_budget_that_makes_no_sense_is_refused(options, message) -> None:
+    with pytest.raises(OptionError, match=message):
+        Budget(**options)
+
+
+def test_scores_of_another_scheme_and_weights_of_no_region_are_refused() -> None:
+    with pytest.raises(FormatError, match="4 regions, expected 5"):
+        rebudget(scores_of(), LABELS, 5, Budget(0.5))
+    with pytest.raises(OptionError, match="region 4"):
+        rebudget(scores_of(), LABELS, N_REGIONS, Budget(0.5, {4: 2.0}))
+    with pytest.raises(OptionError, match="leaves none"):
+        rebudget(scores_of(), LABELS, N_REGIONS, Budget(1e-300))
