@@ -45,7 +45,7 @@ from sacha_core.train.scene import fingerprint, require_poses, scene_extent
 from sacha_core.train.state import ATTRIBUTES, TrainState, initial_state
 from sacha_core.train.views import Step, TrainingViews, decoded_ahead, epoch_steps, grouped, spread_views
 
-__all__ = ["REST", "train"]
+__all__ = ["REST", "Run", "require_head", "train"]
 
 REST = "rest"  # stage of the stopwatch: of an iteration what is in no other
 REPORT_EVERY_S = 0.5
@@ -90,14 +90,23 @@ def train(
         OSError: `out` cannot be written.
     """
     folder = Path(out)
+    require_head(capture, head)
+    run = Run(capture, head, options, folder, report, stopwatch)
+    run.begin(resume, None if start_from is None else Path(start_from))
+    return run.finish()
+
+
+def require_head(capture: Capture, head: HeadModel) -> None:
+    """Refuse a head that the capture was not tracked with.
+
+    Raises:
+        HeadError: it names another.
+    """
     if capture.head is not None and capture.head.sha256 != head.reference.sha256:
         raise HeadError(
             f"{capture.root} was tracked with head {capture.head.name!r} (SHA-256 {capture.head.sha256[:12]}...),"
             f" not with {head.name!r} ({head.reference.sha256[:12]}...)"
         )
-    run = Run(capture, head, options, folder, report, stopwatch)
-    run.begin(resume, None if start_from is None else Path(start_from))
-    return run.finish()
 
 
 @dataclass
@@ -158,31 +167,35 @@ class Run:
     def finish(self) -> TrainedModel:
         """Train to the end, and write the model."""
         iterations = self.options.schedule.iterations
-        if self.iteration < iterations:
-            self.views.preload(Pool(self.options.threads), self.report)
-        begun_s = told_s = time.monotonic()
-        first = self.iteration
-        values: dict[str, float] = {}
-        with closing(self.targets):
-            while self.iteration < iterations:
-                watch = self.engine.stopwatch = self.stopwatch if self.iteration > first else None  # the first compiles
-                with timed(watch, REST):
-                    self.iterate()
-                    self._save()
-                    now_s, done = time.monotonic(), self.iteration
-                    if now_s - told_s >= REPORT_EVERY_S or done == iterations:
-                        told_s = now_s
-                        if losses := self.engine.losses():  # may wait for a device: iterations take that time, too
-                            values["loss"] = losses["total"]
-                        values["gaussians"] = float(self.n_gaussians)
-                        values["iterations_per_s"] = (done - first) / max(now_s - begun_s, 1e-9)
-                        self.report(Progress("train", done, iterations, dict(values)))
+        self.advance(iterations)
         state = self._take()
         fitted = state.motion(self.capture.motion)
         outcome = (state.gaussians(), fitted, tuple(self.events), state.faults, self.options.device)
         model = TrainedModel(self.folder, iterations, *outcome)
         write_outcome(model)
         return model
+
+    def advance(self, end: int) -> None:
+        """Train until so many iterations are done; once for each run that began."""
+        if self.iteration < end:
+            self.views.preload(Pool(self.options.threads), self.report)
+        begun_s = told_s = time.monotonic()
+        first = self.iteration
+        values: dict[str, float] = {}
+        with closing(self.targets):
+            while self.iteration < end:
+                watch = self.engine.stopwatch = self.stopwatch if self.iteration > first else None  # the first compiles
+                with timed(watch, REST):
+                    self.iterate()
+                    self._save()
+                    now_s, done = time.monotonic(), self.iteration
+                    if now_s - told_s >= REPORT_EVERY_S or done == end:
+                        told_s = now_s
+                        if losses := self.engine.losses():  # may wait for a device: iterations take that time, too
+                            values["loss"] = losses["total"]
+                        values["gaussians"] = float(self.n_gaussians)
+                        values["iterations_per_s"] = (done - first) / max(now_s - begun_s, 1e-9)
+                        self.report(Progress("train", done, end, dict(values)))
 
     def iterate(self) -> None:
         """Do one iteration."""
