@@ -2,70 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
-
-import numpy as np
 
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import DYNAMIC_WIDTHS, Motion
 from sacha_core.errors import DatasetError
+from sacha_core.evaluate.picture_metrics import DEFAULT_METRICS, ImageScore, PictureMetrics, ViewScores
+from sacha_core.evaluate.region_masks import RegionMasks
 from sacha_core.evaluate.splits import FRAMES, novel_expression_views, novel_view_views
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import Poser
 from sacha_core.geometry.triangle import TriangleFrames, triangle_frames
 from sacha_core.interchange.capture import Capture, View
-from sacha_core.perception.psnr import psnr
-from sacha_core.perception.ssim import ssim
 from sacha_core.progress import Progress, Report, silent
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.scene import render_avatar
 
 __all__ = ["Evaluation", "ImageScore", "ViewScores", "evaluate_avatar", "evaluation_motion", "score_views"]
-
-
-@dataclass(frozen=True)
-class ImageScore:
-    """How close one drawn image comes to the captured one.
-
-    Args:
-        timestep: of the capture.
-        camera_index: which camera.
-        psnr: decibels, over all pixels.
-        ssim: structural similarity.
-    """
-
-    timestep: int
-    camera_index: int
-    psnr: float
-    ssim: float
-
-
-@dataclass(frozen=True)
-class ViewScores:
-    """Scores of several images.
-
-    Args:
-        images: one score each.
-    """
-
-    images: tuple[ImageScore, ...]
-
-    @property
-    def psnr(self) -> float:
-        """Mean over the images of each one's PSNR, decibels."""
-        return float(np.mean([image.psnr for image in self.images]))
-
-    @property
-    def ssim(self) -> float:
-        """Mean structural similarity."""
-        return float(np.mean([image.ssim for image in self.images]))
-
-    def to_json(self) -> dict[str, Any]:
-        """Give the means and every image's figures."""
-        return {"psnr": self.psnr, "ssim": self.ssim, "images": [asdict(image) for image in self.images]}
 
 
 @dataclass(frozen=True)
@@ -92,6 +47,8 @@ def score_views(
     report: Report = silent,
     stage: str = "render",
     rasteriser: Rasteriser | None = None,
+    metrics: Collection[str] = DEFAULT_METRICS,
+    masks: RegionMasks | None = None,
 ) -> ViewScores:
     """Draw views of a capture and compare each with its image.
 
@@ -106,12 +63,15 @@ def score_views(
         report: told after each image.
         stage: what the report calls this.
         rasteriser: one to use again; a new one by default.
+        metrics: what to measure, of `picture_metrics.METRICS`.
+        masks: the capture's regions, to measure within each of them too.
 
     Returns:
-        Scores in the order of `views`.
+        Scores in the order of `views`; `.quality` gives their means.
 
     Raises:
         DatasetError: there are no views, or an image cannot be decoded.
+        OptionError: there is no such metric, or its package is missing.
     """
     if not views:
         raise DatasetError(f"{capture.root} has no held-out views to {stage}")
@@ -122,15 +82,15 @@ def score_views(
     def frames_at(timestep: int) -> TriangleFrames:
         return triangle_frames(pose(timestep), head.faces)
 
-    scores = []
+    measured = PictureMetrics(metrics)
     for done, view in enumerate(views, 1):
         truth = capture.image(view, width, height)
         camera = view.camera.resized(truth.shape[1], truth.shape[0])
         drawn = render_avatar(gaussians, frames_at(view.timestep), camera, rasteriser=rasteriser).colour
-        score = ImageScore(view.timestep, view.camera_index, psnr(drawn, truth), ssim(drawn, truth))
-        scores.append(score)
+        shown = None if masks is None else masks.region_of_pixel(view, camera.width, camera.height)
+        score = measured.add(view, drawn, truth, shown)
         report(Progress(stage, done, len(views), {"PSNR": score.psnr}))
-    return ViewScores(tuple(scores))
+    return measured.scores()
 
 
 def evaluation_motion(capture: Capture, fitted: Motion | None) -> Motion:
@@ -181,6 +141,8 @@ def evaluate_avatar(
     limit: int = FRAMES,
     report: Report = silent,
     rasteriser: Rasteriser | None = None,
+    metrics: Collection[str] = DEFAULT_METRICS,
+    masks: RegionMasks | None = None,
 ) -> Evaluation:
     """Judge an avatar on the held-out camera and the held-out timesteps of its capture.
 
@@ -194,8 +156,11 @@ def evaluate_avatar(
         limit: at most so many images for each of the two.
         report: told after each image.
         rasteriser: one to use again; a new one by default.
+        metrics: what to measure, of `picture_metrics.METRICS`.
+        masks: the capture's regions, to measure within each of them too.
 
     Raises:
+        OptionError: there is no such metric, or its package is missing.
         DatasetError: a split is empty, an image cannot be decoded, or the motion is another capture's.
 
     Source: SACHA, experiments.
@@ -207,7 +172,7 @@ def evaluate_avatar(
         "novel expression": novel_expression_views(capture, limit),
     }
     scores = [
-        score_views(gaussians, head, motion, capture, views, width, height, report, stage, rasteriser)
+        score_views(gaussians, head, motion, capture, views, width, height, report, stage, rasteriser, metrics, masks)
         for stage, views in chosen.items()
     ]
     return Evaluation(*scores)

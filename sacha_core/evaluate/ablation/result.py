@@ -11,6 +11,7 @@ from typing import Any
 
 from sacha_core.errors import FormatError
 from sacha_core.evaluate.ablation.record import read_record
+from sacha_core.evaluate.picture_metrics import Quality, RegionQuality
 from sacha_core.files import write_aside
 
 __all__ = [
@@ -20,44 +21,6 @@ __all__ = [
 RESULT = "result.json"
 UNCOMPRESSED = 0  # the level of a point that was not coded
 LARGEST_FILE = 16 << 20  # a result takes some ten kilobytes
-
-
-@dataclass(frozen=True)
-class RegionQuality:
-    """How close the picture comes to the truth within one region of the head.
-
-    Args:
-        psnr: decibels, over all of the region's pixels; None where no image shows it.
-        flip: mean FLIP error, 0 to 1; None where it shows nowhere or was not measured.
-        pixels: how many were looked at.
-    """
-
-    psnr: float | None
-    flip: float | None
-    pixels: int
-
-
-@dataclass(frozen=True)
-class Quality:
-    """Mean figures over held-out images.
-
-    Args:
-        n_images: how many were looked at.
-        psnr: decibels, mean of the images'.
-        ssim: structural similarity.
-        flip: FLIP error, 0 to 1, the lower the better; None where it was not measured.
-        lpips_vgg: LPIPS with VGG's features; None where it was not measured.
-        lpips_alex: with AlexNet's.
-        regions: by region name; none where regions were not looked at.
-    """
-
-    n_images: int
-    psnr: float
-    ssim: float
-    flip: float | None
-    lpips_vgg: float | None
-    lpips_alex: float | None
-    regions: Mapping[str, RegionQuality]
 
 
 @dataclass(frozen=True)

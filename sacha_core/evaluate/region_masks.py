@@ -1,0 +1,77 @@
+"""Which region of the head each pixel of a captured image shows."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import UInt8
+
+from sacha_core.flame.model import HeadModel
+from sacha_core.flame.posing import Poser
+from sacha_core.interchange.capture import Capture, View
+from sacha_core.raster.camera import Camera
+from sacha_core.regions.labels import label_triangles
+from sacha_core.regions.scheme import PAPER, RegionScheme
+from sacha_core.synthesis.kernels.surface import project
+from sacha_core.synthesis.kernels.triangles import rasterise
+
+__all__ = ["NOWHERE", "RegionMasks"]
+
+NOWHERE = 255  # a pixel that shows no triangle: background, hair, clothes
+NEAR_M = 0.1  # what is closer to the camera is not drawn
+
+
+class RegionMasks:
+    """Masks of a capture's views, from its head as it was tracked: the same for every avatar that is judged on it.
+
+    A pixel shows the region of the nearest triangle at its centre. What the mesh does not have belongs nowhere. Masks are kept, a byte a
+    pixel, so that judging many avatars makes them once.
+
+    Args:
+        capture: with the tracked motion.
+        head: the head that its parameters belong to, with vertex masks.
+        scheme: the regions.
+
+    Raises:
+        HeadError: the head lacks a mask that the scheme is made from.
+    """
+
+    def __init__(self, capture: Capture, head: HeadModel, scheme: RegionScheme = PAPER) -> None:
+        self._pose = Poser(head, capture.motion)
+        self._faces = np.ascontiguousarray(head.faces, np.int32)
+        labels = label_triangles(head, scheme)
+        self._label_of_id = np.append(labels, np.uint8(NOWHERE))  # id -1, no triangle, takes the last
+        self._known: dict[tuple[int, int, int, int], UInt8[np.ndarray, "h w"]] = {}
+
+    def region_of_pixel(
+        self, view: View, width: int | None = None, height: int | None = None
+    ) -> UInt8[np.ndarray, "h w"]:
+        """Give the region that each pixel of a view shows.
+
+        Args:
+            view: of the capture.
+            width: pixels; the stored width by default.
+            height: pixels; the stored height by default.
+
+        Returns:
+            (h, w) places in the scheme's regions, `NOWHERE` where none is shown; not to be written to.
+        """
+        camera = view.camera.resized(width or view.camera.width, height or view.camera.height)
+        key = (view.timestep, view.camera_index, camera.width, camera.height)
+        if key not in self._known:
+            mask = self._label_of_id[self._visible_triangles(view.timestep, camera)]
+            mask.setflags(write=False)
+            self._known[key] = mask
+        return self._known[key]
+
+    def _visible_triangles(self, timestep: int, camera: Camera) -> np.ndarray:
+        """Give (h, w) the nearest triangle of each pixel, -1 for none."""
+        vertices = np.ascontiguousarray(self._pose(timestep), np.float32)
+        screen, inverse_depth = np.zeros((len(vertices), 2), np.int32), np.zeros(len(vertices), np.float32)
+        lens = (camera.rotation, camera.translation, camera.fx, camera.fy, camera.cx, camera.cy, NEAR_M)
+        project(vertices, *lens, screen, inverse_depth)
+        ids, depth = (
+            np.full((camera.height, camera.width), -1, np.int32),
+            np.zeros((camera.height, camera.width), np.float32),
+        )
+        rasterise(screen, inverse_depth, self._faces, 0, ids, depth)
+        return ids
