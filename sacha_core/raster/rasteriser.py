@@ -14,16 +14,18 @@ from sacha_core.raster.binning import Binner, Bins
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.kernels.blend import BLEND_SCRATCH, blend
 from sacha_core.raster.kernels.blend_backward import BACKWARD_SCRATCH, blend_backward
+from sacha_core.raster.kernels.blend_removal import IMAGES, REMOVAL_SCRATCH, blend_removal
 from sacha_core.raster.kernels.blend_weights import blend_weights
 from sacha_core.raster.kernels.layout import RECORD
 from sacha_core.raster.kernels.project_backward import GATHER_SCRATCH, gather_weights, project_backward
+from sacha_core.raster.removal import RemovalChanges
 from sacha_core.raster.splats import MAX_CHANNELS, SplatGradients, Splats
 from sacha_core.stopwatch import Timer, timed
 
 __all__ = ["NEAR", "Frame", "Rasteriser", "Splats"]
 
 NEAR = 0.1  # metres; closer, a few splats would cover the image
-SCRATCH = max(BLEND_SCRATCH, BACKWARD_SCRATCH, GATHER_SCRATCH)
+SCRATCH = max(BLEND_SCRATCH, BACKWARD_SCRATCH, REMOVAL_SCRATCH, GATHER_SCRATCH)
 
 
 @dataclass(frozen=True)
@@ -193,6 +195,52 @@ class Rasteriser:
             gather_weights(0, len(result), bins.span.ravel(), sums, gathered)
             result[:, first : first + MAX_CHANNELS] = gathered[:, : len(part)]
         return result
+
+    def removal_changes(
+        self, frame: Frame, truth: Float[np.ndarray, "c h w"], pixel_weights: Float[np.ndarray, "m h w"]
+    ) -> RemovalChanges:
+        """Give for each Gaussian by how much the picture and its error would change if it alone were not drawn.
+
+        Exact to float32's rounding but where a pixel is closed, its transmittance near 1e-4: there up to 1e-4 / (1 - alpha) of the
+        pixel's light is taken to come from the background instead of from what was not drawn, and what closed it counts as unseen.
+
+        Args:
+            frame: what the last `forward` gave.
+            truth: (c, h, w) what the frame's first c channels should be, finite.
+            pixel_weights: (m, h, w), finite.
+
+        Raises:
+            OptionError: the frame is not of the last `forward`, or a shape is wrong.
+
+        Source: own.
+        """
+        channels, size = len(truth), frame.transmittance.shape
+        if not 1 <= channels <= len(frame.background):
+            raise OptionError(
+                f"the truth has {channels} channels, expected 1 to {len(frame.background)} as the frame has"
+            )
+        target = self._checked(frame, truth, (channels, *size)).ravel()
+        weights = self._checked(frame, pixel_weights, (len(pixel_weights), *size))
+        bins, ranges, scratch = frame.bins, frame.bins.ranges, self._scratch()
+        sums = self._entry_sums(bins)
+        result = np.zeros((3, len(frame.splats), len(weights)))
+        for first in range(0, len(weights), IMAGES):
+            part = weights[first : first + IMAGES]
+            group = np.concatenate([part, np.zeros((IMAGES - len(part), *size), np.float32)]).ravel()
+
+            def job(worker: int, k: int, group: np.ndarray = group) -> None:
+                blend_removal(
+                    ranges[k], ranges[k + 1], bins.start, bins.done, bins.entries, bins.projection.records, bins.x_lanes, bins.y_lanes,
+                    frame.background[:channels], frame.image.ravel(), frame.transmittance.ravel(), frame.camera.width,
+                    frame.camera.height, target, group, sums, scratch[worker],
+                )  # fmt: skip
+
+            self._pool.run(job, len(ranges) - 1)
+            gathered = np.zeros((len(frame.splats), 3 * IMAGES))
+            gather_weights(0, len(gathered), bins.span.ravel(), sums, gathered)
+            for kind, values in enumerate(result):
+                values[:, first : first + IMAGES] = gathered[:, kind * IMAGES : kind * IMAGES + len(part)]
+        return RemovalChanges(*result)
 
     def _project_backward(self, frame: Frame, sums: np.ndarray) -> SplatGradients:
         splats, bins, projection, scratch = frame.splats, frame.bins, frame.bins.projection, self._scratch()

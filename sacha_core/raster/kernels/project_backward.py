@@ -241,9 +241,9 @@ def project_backward(
 
 @njit(cache=True, nogil=True)
 def gather_weights(start, stop, span, entry_sums, weights):
-    """Sum the entries of the Gaussians `start` to `stop` into `weights` (n, 4), float64."""
+    """Sum the entries of the Gaussians `start` to `stop` into `weights` (n, k), their first k numbers, float64."""
     for g in range(start, stop):
-        for k in range(4):
+        for k in range(weights.shape[1]):
             total = 0.0
             for e in range(span[2 * g], span[2 * g] + span[2 * g + 1]):
                 total += entry_sums[e * RECORD + k]
