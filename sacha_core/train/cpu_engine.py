@@ -19,6 +19,7 @@ from sacha_core.stopwatch import Stopwatch, timed
 from sacha_core.train.drawing import Drawer, Drawing
 from sacha_core.train.faults import LARGEST_GRADIENT, Fault
 from sacha_core.train.gradients import GaussianGradients
+from sacha_core.train.looking import Looker
 from sacha_core.train.optimiser import step_gaussians, step_motion
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.rig import Rig
@@ -54,7 +55,8 @@ class CpuEngine:
         self._pool = Pool(options.threads)
         self._rig = Rig(head, motion, self._pool)
         self._rasteriser = Rasteriser(pool=self._pool, stopwatch=self._time)
-        self._drawer, self._looker = (Drawer(self._rasteriser, self._pool, self._time) for _ in range(2))
+        self._drawer = Drawer(self._rasteriser, self._pool, self._time)
+        self._looker = Looker(self._rig, self._rasteriser, self._pool, self._time)
         self._image_loss = ImageLoss(losses.l1, losses.ssim, losses.sensitivity, self._pool.run)
         self._gradients = GaussianGradients(losses, self._rig, self._pool, options.fine_tune)
         self._motion: Arrays = {}  # gradients of the rows of one timestep
@@ -117,18 +119,11 @@ class CpuEngine:
 
     def weights(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:  # noqa: ARG002 (no colour, no degree)
         """Give each Gaussian's blending weight summed over pixels of views of one timestep: plain, and by reference sensitivity."""
-        weights = np.zeros((len(self._state), 2))
-        try:
-            pose = self._rig.pose(self._row(targets[0].timestep))
-        except GeometryError:  # a fault of the state, counted where it is trained on; such a timestep shows nothing
-            return weights
-        self._looker.place(self._state, pose)
-        for target in targets:
-            drawing = self._looker.draw(target.camera, None, target.box)
-            left, top, right, bottom = drawing.box
-            sensitive = target.sensitivity[top:bottom, left:right] * np.float32(1 / 255)
-            weights += self._rasteriser.colour_weights(drawing.frame, np.stack([np.ones_like(sensitive), sensitive]))
-        return weights
+        return self._looker.weights(self._state, targets)
+
+    def removals(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 6"]:
+        """Give what views of one timestep change by where a Gaussian alone is removed: squared, absolute, own; plain and by sensitivity."""
+        return self._looker.removals(self._state, targets, degree)
 
     @property
     def triangle_scale(self) -> Float[np.ndarray, " f"]:

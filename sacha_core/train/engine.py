@@ -75,6 +75,17 @@ class Engine(Protocol):
         Leaves the gradients of the last `differentiate` as they are. A timestep that cannot be posed has no weights.
         """
 
+    def removals(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 6"]:
+        """Give by how much sums over pixels and colours of views of one timestep would grow if one Gaussian alone were not drawn.
+
+        Six numbers of each: the squared difference from the truth, plain and with each pixel weighted by its reference sensitivity; the
+        absolute difference, likewise; and the squared difference from what is drawn now, likewise. Negative where a view is better
+        without; 0 where nothing shows the Gaussian. Pixels count with values from 0 to 1.
+        See `sacha_core.raster.rasteriser.Rasteriser.removal_changes`.
+
+        Leaves the gradients of the last `differentiate` as they are. A timestep that cannot be posed changes nothing.
+        """
+
     @property
     def triangle_scale(self) -> Float[np.ndarray, " f"]:
         """Metres a local unit, of each triangle, in the pose of the last `differentiate` that could pose."""

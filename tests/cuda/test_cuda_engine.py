@@ -125,6 +125,19 @@ def test_weights_are_those_of_the_cpu_and_leave_the_gradients(stage, state, engi
     assert (found[0][:, 1] <= found[0][:, 0]).all()
 
 
+def test_removals_are_those_of_the_cpu_and_leave_the_gradients(stage, state, engines) -> None:
+    targets, found = chosen(stage, SETS["two sizes"]), []
+    for engine in engines():
+        engine.put(copy.deepcopy(state))
+        engine.differentiate(1, chosen(stage, (4,)), DEGREE)
+        before = engine.gradients()
+        found.append(engine.removals(targets, DEGREE))
+        after = engine.gradients()
+        assert all(np.array_equal(after[name], gradient) for name, gradient in before.items())
+    assert found[0].any()
+    assert np.array_equal(found[0], found[1])  # the CPU draws for both
+
+
 def test_losses_are_means_since_the_last_call(stage, state) -> None:
     engine = stage.engine()
     engine.put(copy.deepcopy(state))

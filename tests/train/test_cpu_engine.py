@@ -25,6 +25,7 @@ CROPPED = (
     1e-4  # relative to the largest; likewise, and SSIM's slope where images agree is a difference of equal numbers
 )
 WEIGHTS = 1e-5  # relative; float32 sums, and NumPy's pose beside the compiled one
+GROWTH = 1e-7  # of the mean over pixels, near 0.1: a few roundings of float32
 MEANS = 1e-5  # relative; float32 sums over views, in another order
 SMOOTH = LossOptions(l1=0.0)  # L1's kinks left out
 DEGREE = 2
@@ -192,6 +193,36 @@ def test_summed_weights_are_what_covers_the_background(tiny, scene) -> None:
     alpha = render_avatar(state.gaussians(), frames, target.camera).alpha
     assert weights[:, 0].sum() == pytest.approx(float(alpha.sum(dtype=np.float64)), rel=WEIGHTS)
     assert (weights[:, 1] <= weights[:, 0] * (1 + 1e-6)).all()
+
+
+def test_removals_are_what_the_loss_grows_by(scene) -> None:
+    """Of L1, the loss itself, measured again without the Gaussian; what the last iteration left for the next step stays as it is."""
+    engine, state, target = scene
+    outcome = judged(engine, state, target)
+    changes = engine.removals([target], DEGREE)
+    assert all(np.array_equal(outcome.gradients[name], gradient) for name, gradient in engine.gradients().items())
+    assert changes.shape == (len(state), 6)
+    assert np.abs(changes[:, 2]).max() > 100 * GROWTH * target.image.size
+    rows = [*np.argsort(-np.abs(changes[:, 2]))[:8].tolist(), int(np.argmin(changes[:, 2]))]
+    for row in rows:
+        opacity = state.values["opacity_logit"][row]
+        state.values["opacity_logit"][row] = -20
+        growth = judged(engine, state, target).losses["l1"] - outcome.losses["l1"]
+        state.values["opacity_logit"][row] = opacity
+        assert growth * target.image.size == pytest.approx(changes[row, 2], abs=GROWTH * target.image.size)
+    assert (changes[:, 4] >= changes[:, 5]).all()
+    assert np.array_equal(changes, engine.removals([target], DEGREE))
+    assert engine.removals([target, target], DEGREE) == pytest.approx(2 * changes)
+
+
+def test_removals_of_a_timestep_that_cannot_be_drawn_are_none(scene) -> None:
+    engine, state, target = scene
+    engine.put(state)
+    state.values["sh_dc"][3] = np.nan
+    assert not engine.removals([target], DEGREE).any()
+    assert engine.weights([target], DEGREE).any()  # which has no colours
+    state.values["neck"][target.timestep] = np.nan
+    assert not engine.removals([target], DEGREE).any()
 
 
 def test_several_cameras_at_once_are_the_mean_of_each_alone(tiny, scene) -> None:

@@ -13,6 +13,8 @@ from torch import Tensor
 
 from sacha_core.avatar.motion import Motion
 from sacha_core.flame.model import HeadModel
+from sacha_core.parallel.pool import Pool
+from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.stopwatch import Stopwatch
 from sacha_core.train.cuda.clock import DeviceClock
 from sacha_core.train.cuda.drawing import Drawer, Drawing, Gsplat, World, load_gsplat
@@ -24,7 +26,9 @@ from sacha_core.train.cuda.scene import Scene
 from sacha_core.train.cuda.state import DeviceState
 from sacha_core.train.cuda.statistics import gradient_lengths
 from sacha_core.train.cuda.targets import DeviceTargets, TargetBatch, upload
+from sacha_core.train.looking import Looker
 from sacha_core.train.options import TrainOptions
+from sacha_core.train.rig import Rig
 from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, Arrays, TrainState
 from sacha_core.train.views import Target
 
@@ -74,6 +78,8 @@ class CudaEngine:
         self._image_loss = DeviceImageLoss(options.losses, self._device)
         self._targets = DeviceTargets(self._device, room_for_targets(self._device))
         self._clock, self._record = DeviceClock(self._device), Recorder(graphs)
+        self._made_of, self._threads = (head, motion), options.threads
+        self._looker: Looker | None = None
         self._host: TrainState | None = None
         self._state: DeviceState  # as soon as there is a host's
         self._degree, self._moment = 0, torch.zeros(2, dtype=torch.int64, device=self._device)
@@ -172,6 +178,16 @@ class CudaEngine:
                 summed += self._drawer.weights(world, pixels, batch.cameras)
             found: np.ndarray = torch.where(posed, summed, 0).cpu().numpy()
         return found
+
+    def removals(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 6"]:
+        """Give what views of one timestep change by where a Gaussian alone is removed: squared, absolute, own; plain and by sensitivity.
+
+        Drawn on the CPU, since gsplat has no such pass: it is wanted a few times a run. Waits for the device.
+        """
+        if self._looker is None:
+            pool = Pool(self._threads)
+            self._looker = Looker(Rig(*self._made_of, pool), Rasteriser(pool=pool), pool, self._stage)
+        return self._looker.removals(self.take(), targets, degree)
 
     @property
     def triangle_scale(self) -> Float[np.ndarray, " f"]:
