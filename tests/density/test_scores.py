@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from sacha_core.density.scores.light_gaussian import light_gaussian_score
 from sacha_core.density.scores.perceptual import perceptual_score
+from sacha_core.density.scores.removal import removal_score
 from sacha_core.density.scores.rounding import rounded
 from sacha_core.density.scores.volume import volume_factor
 
@@ -99,3 +100,20 @@ def test_sizes_without_end_or_thickness_have_finite_factors() -> None:
     factors = volume_factor(scales)
     assert np.isfinite(factors).all()
     assert factors.argmax() in {0, 2}
+
+
+def test_removal_score_is_that_of_a_naive_loop() -> None:
+    rng = np.random.default_rng(1)
+    change, sensitive_change, sensitivity = rng.normal(1, 2, 50), rng.normal(0, 1, 50), rng.random(50)
+    change[:3] = sensitive_change[:3] = 0
+    score = removal_score(change, sensitive_change, sensitivity, pixel_factor=0.5, gaussian_factor=2.0)
+    expected = [
+        max(c + 0.5 * s, 0.0) * (1 + 2.0 * a) for c, s, a in zip(change, sensitive_change, sensitivity, strict=True)
+    ]
+    assert score == pytest.approx(expected, rel=ROUNDING)
+    assert not score[:3].any()
+    assert (
+        score.min() == 0 < (change < 0).sum()
+    )  # what the views are better without is worth no less than what none shows
+    assert removal_score(change, sensitive_change, sensitivity) == pytest.approx(np.maximum(change, 0), rel=ROUNDING)
+    assert not len(removal_score(*np.empty((3, 0))))

@@ -1,0 +1,38 @@
+"""MRS, the removal score: what the error of the pictures grows by when one Gaussian is removed."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+__all__ = ["removal_score"]
+
+
+def removal_score(
+    change: Float[np.ndarray, " n"],
+    sensitive_change: Float[np.ndarray, " n"],
+    sensitivity: Float[np.ndarray, " n"],
+    pixel_factor: float = 0.0,
+    gaussian_factor: float = 0.0,
+) -> Float[np.ndarray, " n"]:
+    """Score Gaussians by what removing each alone would cost.
+
+    A blending weight tells how much of a picture is a Gaussian's; this tells how much of it would be missed. A Gaussian before others of
+    its own colour has a large weight and little worth. Of several that stand in for one another each is worth little, though not all
+    together: remove a part, let the others learn, and measure again.
+
+    Args:
+        change: (n,) growth of an error summed over pixels and views, of any of the kinds that `Engine.removals` gives.
+        sensitive_change: (n,) the same sum with each pixel weighted by its reference sensitivity.
+        sensitivity: (n,) learnt, in (0, 1).
+        pixel_factor: how much a sensitive pixel counts beyond an ordinary one (lambda_S).
+        gaussian_factor: how much a fully sensitive Gaussian counts beyond an insensitive one (lambda_a).
+
+    Returns:
+        (n,) float64, not negative; 0 for what no view shows, and for what the views are better without.
+
+    Source: own.
+    """
+    cost = np.asarray(change, np.float64) + pixel_factor * np.asarray(sensitive_change, np.float64)
+    score: np.ndarray = np.maximum(cost, 0) * (1 + gaussian_factor * np.asarray(sensitivity, np.float64))
+    return score
