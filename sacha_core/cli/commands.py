@@ -23,6 +23,8 @@ COMMANDS = {
     "demo": Command("demo", "Film, train, compress, decode and judge a synthetic head, in minutes."),
     "synth": Command("synth", "Make a multi-view capture of the synthetic head."),
     "train": Command("train", "Train an avatar on a multi-view capture."),
+    "score": Command("score", "Measure what each Gaussian of an avatar is worth, region by region."),
+    "prune": Command("prune", "Cut an avatar down to a budget by its scores, without training."),
     "encode": Command("encode", "Compress an avatar and its motion into a .sacha file."),
     "decode": Command("decode", "Turn a .sacha file back into PLY, motion or model."),
     "inspect": Command("inspect", "Show what a .sacha file holds and what it costs."),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -51,7 +50,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         OSError: a file cannot be read or written.
     """
     from sacha_core.cli.sources import decode_file
-    from sacha_core.files import write_aside
+    from sacha_core.interchange.capture import write_head_reference
     from sacha_core.interchange.gaussian_avatars import write_flame_param, write_model
     from sacha_core.interchange.splat_ply import write_bound_ply
 
@@ -71,8 +70,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         write_flame_param(options.motion, avatar.motion)
         console.wrote("motion", options.motion, kilobytes(options.motion.stat().st_size))
     if options.model is not None:
-        with write_aside(options.model / "head.json") as aside:
-            aside.write_text(json.dumps({**asdict(avatar.head), "file": None}, indent=2) + "\n", encoding="utf-8")
+        write_head_reference(options.model, avatar.head)
         write_model(options.model, ITERATION, avatar.gaussians, avatar.motion)
         console.wrote("model", options.model)
     return {

@@ -10,7 +10,7 @@ import json
 import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +19,13 @@ from PIL import Image
 
 from sacha_core.avatar.motion import DYNAMIC_WIDTHS, Motion
 from sacha_core.errors import DatasetError, FormatError
+from sacha_core.files import write_aside
 from sacha_core.flame.model import HeadReference
 from sacha_core.interchange.gaussian_avatars import read_flame_param
 from sacha_core.interchange.transforms import FrameRecord, read_transforms
 from sacha_core.raster.camera import Camera
 
-__all__ = ["Capture", "View", "read_capture"]
+__all__ = ["Capture", "View", "read_capture", "write_head_reference"]
 
 SPLITS = ("train", "val", "test")
 CANONICAL = "canonical_flame_param.npz"
@@ -279,3 +280,13 @@ def read_head_reference(folder: Path) -> tuple[HeadReference | None, Path | None
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise DatasetError(f"{path}: expected name, sha256, n_vertices and n_faces of a head ({error!r})") from error
     return head, head_path if head_path is not None and head_path.is_file() else None
+
+
+def write_head_reference(folder: Path, head: HeadReference) -> None:
+    """Write which head the parameters of a capture or a model belong to, for `read_head_reference`.
+
+    Raises:
+        OSError: the folder cannot be made or written.
+    """
+    with write_aside(folder / HEAD_JSON) as aside:
+        aside.write_text(json.dumps({**asdict(head), "file": None}, indent=2) + "\n", encoding="utf-8")
