@@ -53,11 +53,18 @@ class Looker:
         """See `sacha_core.train.engine.Engine.removals`."""
         changes = np.zeros((len(state), REMOVALS))
         for target, drawing in self._drawings(state, targets, degree):
-            left, top, right, bottom = drawing.box
-            truth = target.image[:, top:bottom, left:right] * UNIT
-            found = self._rasteriser.removal_changes(drawing.frame, truth, pixel_weights(target, drawing))
+            images = truth(target, drawing), pixel_weights(target, drawing)
+            found = self._rasteriser.removal_changes(drawing.frame, *images)
             changes += np.concatenate([found.squared, found.absolute, found.own], axis=1)
         return changes
+
+    def errors(self, state: TrainState, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:
+        """See `sacha_core.train.engine.Engine.errors`."""
+        errors = np.zeros((len(state), 2))
+        for target, drawing in self._drawings(state, targets, degree):
+            error = np.abs(drawing.frame.image[:3] - truth(target, drawing)).sum(axis=0)
+            errors += self._rasteriser.colour_weights(drawing.frame, error * pixel_weights(target, drawing))
+        return errors
 
     def _drawings(
         self, state: TrainState, targets: Sequence[Target], degree: int | None
@@ -75,6 +82,12 @@ class Looker:
             except ColourError:
                 continue
             yield target, drawing
+
+
+def truth(target: Target, drawing: Drawing) -> Float[np.ndarray, "3 h w"]:
+    """Give what should have been drawn."""
+    left, top, right, bottom = drawing.box
+    return target.image[:, top:bottom, left:right] * UNIT
 
 
 def pixel_weights(target: Target, drawing: Drawing) -> Float[np.ndarray, "2 h w"]:

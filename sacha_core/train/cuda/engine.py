@@ -184,16 +184,27 @@ class CudaEngine:
 
         Drawn on the CPU, since gsplat has no such pass: it is wanted a few times a run. Waits for the device.
         """
-        if self._looker is None:
-            pool = Pool(self._threads)
-            self._looker = Looker(Rig(*self._made_of, pool), Rasteriser(pool=pool), pool, self._stage)
-        return self._looker.removals(self.take(), targets, degree)
+        return self._on_host().removals(self.take(), targets, degree)
+
+    def errors(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:
+        """Give the difference of views of one timestep from the truth, shared out by blending weight: plain, and by sensitivity.
+
+        Drawn on the CPU, like `removals`. Waits for the device.
+        """
+        return self._on_host().errors(self.take(), targets, degree)
 
     @property
     def triangle_scale(self) -> Float[np.ndarray, " f"]:
         """Metres a local unit, of each triangle, in the pose of the last `differentiate` that could pose; waits for the device."""
         scale: np.ndarray = self._triangle_scale.clone().cpu().numpy()
         return scale
+
+    def _on_host(self) -> Looker:
+        """Give what looks at the host's state, made when it is first wanted."""
+        if self._looker is None:
+            pool = Pool(self._threads)
+            self._looker = Looker(Rig(*self._made_of, pool), Rasteriser(pool=pool), pool, self._stage)
+        return self._looker
 
     def _stage(self, name: str) -> AbstractContextManager[None]:
         return self._clock(self.stopwatch, name)
