@@ -30,6 +30,7 @@ COMMANDS = {
     "inspect": Command("inspect", "Show what a .sacha file holds and what it costs."),
     "render": Command("render", "Draw one frame of an avatar, or a video of it."),
     "evaluate": Command("evaluate", "Judge an avatar on views and expressions held out."),
+    "ablate": Command("ablate", "Train, compress and judge variants beside one another."),
     "bench": Command("bench", "Measure time and error of every part on this machine."),
     "convert-head": Command("convert_head", "Make a head model from a FLAME pickle or a rig."),
     "doctor": Command("doctor", "Check this installation, or a capture."),
