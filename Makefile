@@ -44,6 +44,6 @@ install: .venv/.installed
 	touch $@
 
 clean:
-	rm -rf .venv .venv-bpy* .numba_cache out dist build *.egg-info
+	rm -rf .venv .venv-bpy* out dist build *.egg-info
 
 -include tools/blender.mk

@@ -20,11 +20,6 @@ SHAPED = (
 )  # those without compiled kernels
 CHECK_SHAPES = os.environ.get("SACHA_CHECK_SHAPES") == "1"  # hold every call to the shapes that its annotations promise
 
-# Two processes that compile the same kernel for different types at once can give both the same place in Numba's cache, and one then runs
-# the other's code: each worker has a cache of its own.
-if worker := os.environ.get("PYTEST_XDIST_WORKER"):
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(__file__).parents[1] / ".numba_cache" / worker))
-
 if CHECK_SHAPES:
     install_import_hook([f"sacha_core.{package}" for package in SHAPED], "beartype.beartype")
 

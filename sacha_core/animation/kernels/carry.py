@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from sacha_core.parallel.kernels.kernel import kernel
 
 FAST = {"contract", "nsz", "arcp", "reassoc"}
 BLOCK = 64  # more lanes than any vector has, unrolled
 SMALLEST_NORM = 1e-12  # as `geometry.quaternion` has it
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def carry(
     start, stop, position, scale, quaternion, binding,
     f_rotation, f_scale, f_origin, f_quaternion, means, scales, turned,

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from sacha_core.parallel.kernels.kernel import kernel
 
 FAST = {"contract", "nsz", "arcp", "reassoc"}
 BLOCK = 64  # triangles
@@ -17,7 +18,7 @@ BLOCK = 64  # triangles
 ORIGIN, QUATERNION, ROTATION, SCALE, SOUND, PLANES = (BLOCK * plane for plane in (0, 3, 9, 18, 19, 20))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def gather(vertices, faces, first, count, planes):
     """Copy the corners of some triangles to planes 0 to 8."""
     for i in range(count):
@@ -27,7 +28,7 @@ def gather(vertices, faces, first, count, planes):
                 planes[(3 * corner + c) * BLOCK + i] = vertices[v, c]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def solve(planes, limit, smallest):
     """Turn the corners of a block into frames; SOUND is 1 where a triangle has one, else 0."""
     infinite, zero = planes.dtype.type(np.inf), planes.dtype.type(0)
@@ -73,7 +74,7 @@ def solve(planes, limit, smallest):
         planes[QUATERNION + 2 * b + i], planes[QUATERNION + 3 * b + i] = y / length, z / length
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def scatter(planes, first, count, rotation, scale, origin, quaternion):
     """Copy a block's frames to where they belong; gives the first degenerate triangle, or -1."""
     for i in range(count):
@@ -90,7 +91,7 @@ def scatter(planes, first, count, rotation, scale, origin, quaternion):
     return -1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def triangle_frames(start, stop, vertices, faces, limit, smallest, rotation, scale, origin, quaternion):
     """Write the frames of the triangles `start` (a multiple of BLOCK) to `stop`, and their quaternions, largest component positive.
 

@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from sacha_core.geometry.rotation import ANGLE_OFFSET_RAD, SMALLEST_ANGLE_RAD
+from sacha_core.parallel.kernels.kernel import kernel
 
 FAST = {"contract", "nsz", "arcp", "reassoc"}
 BLOCK = 512  # vertices; their coordinates stay in the first-level cache while the directions stream by
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def rotate(vectors, rotations):
     """Write the matrix (j, 3, 3) of each rotation vector (j, 3), in float64: `rotation_vectors_to_matrices` says how."""
     for j in range(rotations.shape[0]):
@@ -30,7 +29,7 @@ def rotate(vectors, rotations):
         r[2, 0], r[2, 1], r[2, 2] = b * x * z - a * y, b * y * z + a * x, 1 - b * (x * x + y * y)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def place_joints(template_joints, directions, expression, joints):
     """Write where the joints (j, 3) lie unposed, with directions (j, 3, e)."""
     for j in range(joints.shape[0]):
@@ -41,7 +40,7 @@ def place_joints(template_joints, directions, expression, joints):
             joints[j, c] = place
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def chain_joints(rotations, joints, parents, transforms):
     """Write each joint's map (j, 3, 4) from the unposed to the posed head: `joint_transforms` says how."""
     for j in range(joints.shape[0]):
@@ -61,7 +60,7 @@ def chain_joints(rotations, joints, parents, transforms):
             transforms[j, i, 3] = place
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def gather_active(expression, rotations, has_correctives, rows, coefficients):
     """List which directions a pose uses at all (k,), with their coefficients: expression, then each joint's R - I but the root's.
 
@@ -86,7 +85,7 @@ def gather_active(expression, rotations, has_correctives, rows, coefficients):
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def blend_shapes(start, stop, template, directions, rows, coefficients, count, unposed):
     """Write the unposed coordinates `start` to `stop` (all arrays flat): the template and the active rows of the directions.
 
@@ -113,7 +112,7 @@ def blend_shapes(start, stop, template, directions, rows, coefficients, count, u
             out[i] += c0 * d0[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def skin(unposed, weights, transforms, translation, vertices):
     """Write posed vertices (v, 3): each joint's map under its weight, and then the translation. `unposed` is flat."""
     for v in range(vertices.shape[0]):
@@ -129,7 +128,7 @@ def skin(unposed, weights, transforms, translation, vertices):
         vertices[v, 0], vertices[v, 1], vertices[v, 2] = px, py, pz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def pose_joints(
     expression, vectors, template_joints, joint_directions, parents, has_correctives,
     joints, rotations, transforms, rows, coefficients,
@@ -141,7 +140,7 @@ def pose_joints(
     return gather_active(expression, rotations, has_correctives, rows, coefficients)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def pose_vertices(
     start, stop, template, directions, rows, coefficients, count, weights, transforms, translation, unposed, vertices
 ):

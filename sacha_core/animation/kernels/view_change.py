@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from numba import njit
+from sacha_core.parallel.kernels.kernel import kernel
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def largest_turn(points, centre, old_points, old_centre):
     """Give how far a point (f, 3) moved against the camera at most, over its distance, squared."""
     largest = 0.0

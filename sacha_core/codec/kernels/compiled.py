@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import types
 
-import numba
-
 from sacha_core.codec.kernels import arithmetic
+from sacha_core.parallel.kernels.kernel import kernel
 
 ORDER = (
     "activity", "adapt", "split", "shift_low", "next_byte", "encode_bit", "encode_even", "decode_bit", "decode_even",
@@ -19,7 +18,7 @@ def compile_all():
     names = dict(vars(arithmetic))
     for name in ORDER:
         plain = getattr(arithmetic, name)
-        names[name] = numba.njit(types.FunctionType(plain.__code__, names, name), nogil=True, cache=True)
+        names[name] = kernel(types.FunctionType(plain.__code__, names, name))
     return names
 
 

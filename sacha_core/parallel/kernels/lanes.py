@@ -7,8 +7,6 @@ becomes one 512-bit, two 256-bit or four 128-bit instructions, whatever the proc
 No fast-math flag is set, so every kernel that writes the same expression gets the same bits: the backward pass relies on it when it
 repeats the forward pass. Where a fused multiply-add is wanted, say `fma`.
 
-Numba's cache of a kernel does not notice a change of this file: delete `__pycache__` after editing it.
-
 Source: own.
 """
 

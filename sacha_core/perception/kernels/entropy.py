@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import (
     LANES,
     every,
@@ -57,7 +57,7 @@ def cross_entropy(value, wanted, weight):
     return -fma(wanted, logarithm(inside, absent) - log_absent, log_absent), slope
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def entropy_band(image, image_at, target, target_at, pitch, top, bottom, width, weight, gradient, nats):
     """Write the gradient of `weight` times the summed cross-entropy, of the prediction clamped to [1e-6, 1 - 1e-6].
 

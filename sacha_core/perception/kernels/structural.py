@@ -20,8 +20,8 @@ Source: Wang et al., Image quality assessment, 2004; the form in s and d and its
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import (
     LANES,
     absolute,
@@ -198,7 +198,7 @@ def gradient_row(
     return l1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def compare_strip(
     image, image_at, target, target_at, pitch, unit, height, width, left, right, ssim_weight, l1_weight, gradient, space, spans, lost, l1
 ):  # fmt: skip

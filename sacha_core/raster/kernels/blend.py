@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import (
     LANES,
     fma,
@@ -107,7 +107,7 @@ def write_tile(scratch, background, image, transmittance, left, top, across, row
                     target[corner + y * width + x] = scratch[plane + y * TILE_WIDTH + x]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def blend(
     first_tile,
     last_tile,

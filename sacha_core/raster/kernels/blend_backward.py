@@ -10,8 +10,8 @@ Each entry has a place of its own to write to, so no order of threads can change
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import (
     LANES,
     fma,
@@ -184,7 +184,7 @@ def write_sums(entry, count, x_tile, channels, entries, entry_gradients, scratch
         store(entry_gradients, (entries[entry + k] >> TOP_SHIFT) * RECORD, gathered)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def blend_backward(
     first_tile, last_tile, start, done, entries, records, x_lanes, y_lanes, background, image, transmittance, width, height,
     image_gradient, transmittance_gradient, entry_gradients, scratch,

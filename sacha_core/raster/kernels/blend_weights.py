@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import (
     LANES,
     inlined,
@@ -56,7 +55,7 @@ def weigh_vector(word, vector, y, scratch):
     store(scratch, RUN + pixel, maximum(run, splat(FADED)))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def blend_weights(
     first_tile, last_tile, start, done, entries, records, x_lanes, y_lanes, pixel_weights, width, height, entry_sums, scratch
 ):  # fmt: skip

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import (
     LANES,
     absolute,
@@ -40,7 +40,7 @@ F = np.float32
 ROUNDING = F(1 + 1e-5)  # a hundred roundings between a ball's radius and that of the ellipsoid in it
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def reach(start, stop, means, scales, opacities, view):
     """Give a box that no picture of the Gaussians `start` to `stop` leaves: left, top, right, bottom, pixels; left > right for none.
 

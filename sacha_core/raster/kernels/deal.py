@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import prefetch
 from sacha_core.raster.kernels.layout import GAUSSIAN_SHIFT, KEY_BITS, TOP_SHIFT
 
@@ -13,7 +13,7 @@ KEY_MASK = (1 << KEY_BITS) - 1
 TILE_COST = 8  # entries that take as long as a tile's first and last steps
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def count_up(histograms, start, front, back):
     """Sum the jobs' histograms (jobs, tiles) up: `start` and `front` get each tile's first entry, `back` its last; give their number."""
     total = np.int64(0)
@@ -28,7 +28,7 @@ def count_up(histograms, start, front, back):
     return total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def share_out(start, jobs, bounds):
     """Write the bounds of ranges of tiles with about equal numbers of entries to `bounds` (jobs + 1,)."""
     tiles = len(start) - 1
@@ -41,7 +41,7 @@ def share_out(start, jobs, bounds):
     bounds[jobs] = tiles
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def deal(order, first, stop, step, span, keys, first_tile, last_tile, cursor, entries):
     """Deal out the keys of some Gaussians.
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import within
 
 DIGIT = 11
@@ -29,7 +29,7 @@ def distribute(source, target, n, depth_bits, digit, histogram):
         histogram[bucket] += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sort_by_depth(depth_bits, n, order, swap, histogram):
     """Sort Gaussians front to back, those left out whose depth is infinite; equal depths stay in their order.
 

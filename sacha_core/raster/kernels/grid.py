@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import LANES
 from sacha_core.raster.kernels.layout import TILE_WIDTH
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def place_lanes(cx, cy, x_lanes, y_lanes):
     """Write x of the sixteen lanes of each column of tiles, and y of those of each pair of rows, relative to the principal point.
 

@@ -7,8 +7,8 @@ rows that cannot matter (of a lower degree, or without gradient) are not read; t
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import (
     LANES,
     absolute,
@@ -120,7 +120,7 @@ def active(degrees, row, count, degree):
     return minimum(load_first(degrees, row, count), degree)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def harmonic_colours(start, stop, sh_dc, sh_rest, means, centre, degree, degrees, colours):
     """Write max(SH + 0.5, 0) of the Gaussians `start` to `stop`. All arrays are contiguous float32 but `degrees`.
 
@@ -236,7 +236,7 @@ def passed_on(colour, slope):
     return select(colour > F(0), slope, zeros())
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def harmonic_gradients(start, stop, sh_rest, means, centre, degree, colours, gradient, cut, g_means):
     """Carry gradients by the colours of the Gaussians `start` to `stop` back. All arrays are contiguous float32.
 
@@ -316,7 +316,7 @@ def rest_gradients(means, cut, row, count, centre, degree, gradient):
     ), colours)  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def coefficient_gradients(start, stop, means, centre, degree, cut, g_rest):
     """Add the gradients by the coefficients of the Gaussians `start` to `stop` to (n, k, 3), for who wants them in memory."""
     means, cut, numbers = means.reshape(means.size), cut.reshape(cut.size), 3 * g_rest.shape[1]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import (
     LANES,
     ceiling,
@@ -147,7 +147,7 @@ def load_colours(colours, channels, row):
     return load(colours, row), zeros(), zeros(), zeros()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def project(
     means, scales, quaternions, opacities, colours,
     tail_means, tail_scales, tail_quaternions, tail_opacities, tail_colours,

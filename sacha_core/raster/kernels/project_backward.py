@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import (
     LANES,
     fma,
@@ -211,7 +211,7 @@ def clear_block(at, g_means, g_scales, g_quaternions, g_opacities, g_means_2d):
     store(g_opacities, at, zeros())
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def project_backward(
     means, scales, quaternions, opacities, tail_means, tail_scales, tail_quaternions, tail_opacities, n, channels, view, start, stop,
     span, entry_gradients, g_means, g_scales, g_quaternions, g_opacities, g_means_2d, g_colours, scratch,
@@ -239,7 +239,7 @@ def project_backward(
         row += LANES
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def gather_weights(start, stop, span, entry_sums, weights):
     """Sum the entries of the Gaussians `start` to `stop` into `weights` (n, k), their first k numbers, float64."""
     for g in range(start, stop):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.synthesis.kernels.surface import SUBPIXEL_BITS
 from sacha_core.synthesis.kernels.triangles import rasterise
 
@@ -13,7 +13,7 @@ UNIT = 1 << SUBPIXEL_BITS
 FARTHEST = np.float32(4.0)  # metres: larger than any head, so that nearness along a direction stays positive
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def depth_map(vertices, faces, axes, centre, radius, ids, nearness, screen, height):
     """Draw the mesh as seen from direction `axes[2]`, without perspective; fills `nearness` (m, m).
 
@@ -32,7 +32,7 @@ def depth_map(vertices, faces, axes, centre, radius, ids, nearness, screen, heig
     rasterise(screen, height, faces, 0, ids, nearness)
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@kernel(fastmath=FAST)
 def gather_light(points, normals, nearness, axes, radiance, wrap, centre, radius, bias, slope_bias, irradiance):
     """Add what one direction gives to `irradiance` (n, 3).
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from sacha_core.parallel.kernels.kernel import kernel
 
 FAST = {"contract", "nsz", "arcp", "reassoc"}
 SUBPIXEL_BITS = (
@@ -12,7 +13,7 @@ SUBPIXEL_BITS = (
 FARTHEST_PIXEL = 1 << 20  # beyond it a vertex is not drawn: edge functions would overflow
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@kernel(fastmath=FAST)
 def vertex_normals(vertices, faces, normals):
     """Fill `normals` (v, 3) with unit normals, each the mean over its triangles weighted by area."""
     normals[:] = 0
@@ -31,7 +32,7 @@ def vertex_normals(vertices, faces, normals):
             normals[v] /= length
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@kernel(fastmath=FAST)
 def curved_midpoints(vertices, normals, edges, roundness, midpoints):
     """Fill `midpoints` (e, 3) with points between the ends of edges, pulled towards the tangent planes of both ends."""
     for e in range(len(edges)):
@@ -48,7 +49,7 @@ def curved_midpoints(vertices, normals, edges, roundness, midpoints):
             midpoints[e, k] = middle - pull * (along_a * normals[a, k] + along_b * normals[b, k])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def project(points, rotation, translation, fx, fy, cx, cy, near, screen, inverse_depth):
     """Project points (n, 3) to `screen` (n, 2), in 1/256 pixel, and `inverse_depth` (n,), which is 0 where not to be drawn."""
     unit = 1 << SUBPIXEL_BITS
@@ -67,7 +68,7 @@ def project(points, rotation, translation, fx, fy, cx, cy, near, screen, inverse
         inverse_depth[i] = 1 / depth
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def widen_strands(points, radii, n_points, rotation, translation, fx, fy, cx, cy, near, screen, inverse_depth):
     """Project strands as ribbons that face the camera: two vertices for each of their points.
 

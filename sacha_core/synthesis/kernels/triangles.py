@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.synthesis.kernels.surface import SUBPIXEL_BITS
 
 UNIT = 1 << SUBPIXEL_BITS
 HALF = UNIT >> 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def rasterise(screen, inverse_depth, faces, first_id, ids, depth):
     """Draw triangles, both sides, into `ids` (h, w) int32 and `depth` (h, w) float32, the inverse depth; nearer wins, then lower id.
 

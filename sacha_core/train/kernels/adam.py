@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import (
     LANES,
     absolute,
@@ -27,7 +27,7 @@ TINIEST = np.float32(1e-37)  # just above where float32 becomes denormal and ari
 FAST = {"contract", "nsz", "arcp", "reassoc"}
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def adam_range(value, gradient, mean, square, rate, beta1, beta2, rest1, rest2, epsilon, square_correction):
     """Step some values; moments too small for a normal number become 0.
 
@@ -72,7 +72,7 @@ def stepped(
     store_first(square, at, count, s)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def harmonics_range(
     start, stop, degree, means, centres, cuts, value, mean, square, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
 ):  # fmt: skip

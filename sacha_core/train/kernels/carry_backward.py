@@ -11,13 +11,13 @@ dt = s b.de - b.dh.
 
 from __future__ import annotations
 
-from numba import njit
+from sacha_core.parallel.kernels.kernel import kernel
 
 FAST = {"contract", "nsz", "arcp", "reassoc"}
 SMALLEST_SQUARE = 1e-24  # of a quaternion, as `geometry.quaternion` has it
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def carry_backward(  # noqa: PLR0915 - one loop, whose sums live in registers
     start, stop, first_row, seen, quaternion, means, scales, turned, g_means, g_scales, g_turned,
     vertices, faces, f_rotation, f_scale, f_origin, with_mesh,

@@ -6,15 +6,15 @@ A block of vertices belongs to one thread and leaves its own sums, which are add
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from sacha_core.geometry.rotation import ANGLE_OFFSET_RAD, SMALLEST_ANGLE_RAD
+from sacha_core.parallel.kernels.kernel import kernel
 
 FAST = {"contract", "nsz", "arcp", "reassoc"}
 BLOCK = 512  # vertices
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def skin_backward(
     start, stop, corners, first_corner, g_corners, unposed, weights, transforms, g_unposed, g_transforms, g_translation
 ):
@@ -62,7 +62,7 @@ def skin_backward(
         g_translation[2] += gz
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def project(first, directions, gradient, out):
     """Write the products of directions (k, 3 v), from the coordinate `first` on, with a block's gradient; four at a time."""
     zero = gradient.dtype.type(0)
@@ -81,7 +81,7 @@ def project(first, directions, gradient, out):
         out[k], out[k1], out[k2], out[k3] = sum_a, sum_b, sum_c, sum_d
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def vertices_backward(
     start, stop, corners, first_corner, g_corners, unposed, weights, transforms, directions,
     g_unposed, g_transforms, g_translations, g_coefficients,
@@ -102,7 +102,7 @@ def vertices_backward(
         project(3 * first, directions, part, g_coefficients[block])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def joints_backward(rotations, joints, parents, transforms, transform_gradient, rotation_gradient, joint_gradient):
     """Add the gradients of `joint_transforms` to those of the joints' rotations (j, 3, 3) and places (j, 3).
 
@@ -138,7 +138,7 @@ def joints_backward(rotations, joints, parents, transforms, transform_gradient, 
                     rotation_gradient[j, c, m] += transforms[parent, i, c] * world[j, i, m]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def rodrigues_backward(vectors, rotation_gradient, out):
     r"""Write the gradient of `rotation_vectors_to_matrices` to `out` (j, 3).
 
@@ -167,7 +167,7 @@ def rodrigues_backward(vectors, rotation_gradient, out):
             out[j, i] = a * skew[i] + b * symmetric + by_angle * shifted[i] / angle
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def pose_backward(
     g_transforms, g_translations, g_coefficients, vectors, rotations, joints, parents, transforms, joint_directions, has_correctives,
     g_expression, g_vectors, g_translation,

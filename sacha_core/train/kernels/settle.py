@@ -8,14 +8,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.train.kernels.carry_backward import carry_backward
 
 FAST = {"contract", "nsz", "arcp", "reassoc"}
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def note_view(
     start, stop, anew, span, g_means_2d, half_width, half_height, part, cut, basis, shares, seen, lengths, g_dc
 ):
@@ -53,7 +53,7 @@ def note_view(
         out[i] += basis * flat[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def penalise(
     start, stop, position, scales, f_scale, binding, shares, position_limit, scale_limit, position_weight, scale_weight,
     g_position, g_log_scale,
@@ -109,14 +109,14 @@ def penalise(
     return strayed, swollen
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def through_sigmoid(activated, slopes, out):
     """Write the gradient by a logit from that by its sigmoid; all (n,)."""
     for i in range(len(out)):
         out[i] = slopes[i] * activated[i] * (np.float32(1) - activated[i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def sound(values, largest):
     """Tell whether no number of an array's rows is larger than `largest` or none at all."""
     flat, wrong = values.reshape(values.size), 0
@@ -125,7 +125,7 @@ def sound(values, largest):
     return wrong == 0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def settle(
     first, last, faces_of, rows_of, first_row, position, quaternion, binding, means, scales, turned, opacities, colours,
     g_means, g_scales, g_turned, g_opacities, g_sensitivities, vertices, faces, f_rotation, f_scale, f_origin, with_mesh,
