@@ -15,8 +15,8 @@ Source: own.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import (
     LANES,
     absolute,
@@ -214,7 +214,7 @@ def load_images(channels, image, truth, transmittance, pixel_weights, top, left,
     return closed
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def blend_removal(
     first_tile, last_tile, start, done, entries, records, x_lanes, y_lanes, background, image, transmittance, width, height,
     truth, pixel_weights, entry_sums, scratch,
