@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Bool, UInt8
 
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import Poser
@@ -23,8 +23,10 @@ NEAR_M = 0.1  # what is closer to the camera is not drawn
 class RegionMasks:
     """Masks of a capture's views, from its head as it was tracked: the same for every avatar that is judged on it.
 
-    A pixel shows the region of the nearest triangle at its centre. What the mesh does not have belongs nowhere. Masks are kept, a byte a
-    pixel, so that judging many avatars makes them once.
+    A pixel shows the region of the nearest triangle at its centre. Where that triangle is seen from behind, one looks into the head:
+    through the mouth, as a mesh of FLAME has no cavity behind its lips, or through the neck's end. Such an opening belongs to the region
+    around it. What the mesh does not have, hair above all, belongs nowhere. Masks are kept, a byte a pixel, so that judging many avatars
+    makes them once.
 
     Args:
         capture: with the tracked motion.
@@ -58,20 +60,41 @@ class RegionMasks:
         camera = view.camera.resized(width or view.camera.width, height or view.camera.height)
         key = (view.timestep, view.camera_index, camera.width, camera.height)
         if key not in self._known:
-            mask = self._label_of_id[self._visible_triangles(view.timestep, camera)]
+            mask = self._drawn(view.timestep, camera)
             mask.setflags(write=False)
             self._known[key] = mask
         return self._known[key]
 
-    def _visible_triangles(self, timestep: int, camera: Camera) -> np.ndarray:
-        """Give (h, w) the nearest triangle of each pixel, -1 for none."""
+    def _drawn(self, timestep: int, camera: Camera) -> UInt8[np.ndarray, "h w"]:
+        """Draw one mask."""
         vertices = np.ascontiguousarray(self._pose(timestep), np.float32)
         screen, inverse_depth = np.zeros((len(vertices), 2), np.int32), np.zeros(len(vertices), np.float32)
         lens = (camera.rotation, camera.translation, camera.fx, camera.fy, camera.cx, camera.cy, NEAR_M)
         project(vertices, *lens, screen, inverse_depth)
-        ids, depth = (
-            np.full((camera.height, camera.width), -1, np.int32),
-            np.zeros((camera.height, camera.width), np.float32),
-        )
+        shape = (camera.height, camera.width)
+        ids, depth = np.full(shape, -1, np.int32), np.zeros(shape, np.float32)
         rasterise(screen, inverse_depth, self._faces, 0, ids, depth)
-        return ids
+        a, b, c = (screen[self._faces[:, corner]].astype(np.int64).T for corner in range(3))
+        from_behind = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0  # y points down
+        mask: np.ndarray = self._label_of_id[ids]
+        close_openings(mask, np.append(from_behind, False)[ids])
+        return mask
+
+
+def close_openings(mask: UInt8[np.ndarray, "h w"], inside: Bool[np.ndarray, "h w"]) -> None:
+    """Let pixels of `mask` that show the inside of the head take the region of what surrounds them, ring by ring."""
+    if not inside.any():
+        return
+    rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
+    top, left = max(rows[0] - 1, 0), max(columns[0] - 1, 0)
+    area = (slice(top, rows[-1] + 2), slice(left, columns[-1] + 2))
+    found, waiting = mask[area], inside[area].copy()  # found is a view
+    found[waiting] = NOWHERE
+    while True:
+        around = np.pad(found, 1, constant_values=NOWHERE)
+        ring = np.minimum.reduce([around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:]])
+        reached = waiting & (ring != NOWHERE)
+        if not reached.any():
+            return
+        found[reached] = ring[reached]
+        waiting &= ~reached
