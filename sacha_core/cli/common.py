@@ -20,6 +20,7 @@ __all__ = [
     "MaybeFloat",
     "MaybeInt",
     "MaybePath",
+    "MaybeText",
     "PixelsOption",
     "naming",
     "require_both_sides",

@@ -95,8 +95,8 @@ def run(options: Options, console: Console) -> dict[str, Any]:
 
 def film(options: Options, console: Console) -> tuple[Capture, HeadModel]:
     """Make the capture, or keep the one that is there."""
+    from sacha_core.cli.filming import make_capture
     from sacha_core.cli.sources import keep
-    from sacha_core.cli.synth import make_capture
     from sacha_core.flame.open import open_head
     from sacha_core.interchange.capture import read_capture
     from sacha_core.synthesis.options import SynthOptions

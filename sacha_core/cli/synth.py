@@ -1,23 +1,23 @@
-"""`sacha synth`: a capture made of nothing but code."""
+"""`sacha synth`: a capture made of nothing but code, or of an avatar that somebody has already."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from sacha_core.cli.common import Common
+from sacha_core.cli.common import Common, FileOption, HeadSource, MaybePath, MaybeText
 from sacha_core.cli.console import Console
-from sacha_core.errors import HeadError
-from sacha_core.progress import Progress
+from sacha_core.errors import HeadError, OptionError
 
 if TYPE_CHECKING:
     from sacha_core.flame.model import HeadModel
     from sacha_core.synthesis.options import SynthOptions
 
-__all__ = ["Options", "make_capture", "run"]
+__all__ = ["Options", "run"]
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,29 @@ class Tracking:
 
 
 @dataclass(frozen=True)
+class Performer:
+    """An avatar to film instead of the synthetic head: training on its pictures distils it."""
+
+    avatar: Annotated[MaybePath, tyro.conf.arg(metavar="AVATAR", help_behavior_hint="")] = None
+    """A PLY of bound Gaussians (with --head), a model folder, or a .sacha file."""
+
+    motion: FileOption = None
+    """Motion (.npz: FLAME parameters, or weights of blend shapes) to cut the sequences out of; by default one made by seed."""
+
+    masks: FileOption = None
+    """Vertex masks (FLAME_masks.npz or .pkl), for a head that brings none; training needs them to tell regions apart."""
+
+
+@dataclass(frozen=True)
 class Options:
-    """Make a multi-view capture of the synthetic head, in the layout of GaussianAvatars and NeRSemble.
+    """Make a multi-view capture of the synthetic head or of an avatar, in the layout of GaussianAvatars and NeRSemble.
 
     Sixteen cameras, several sequences of expression and head motion, white background, FLAME parameters for each timestep; camera 8 and the
     last sequence are held out. The same command again continues where it was interrupted.
 
     sacha synth out/data
+
+    sacha synth out/data --avatar AVATAR.ply --head RIG.npz --masks FLAME_masks.npz --width 550 --height 802
     """
 
     out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")]
@@ -68,8 +84,9 @@ class Options:
     cameras: Annotated[tuple[int, ...], tyro.conf.arg(metavar="INDEX...", help_behavior_hint="(default: all 16)")] = ()
     """Which cameras of the rig; 8 must be among them."""
 
-    head: Annotated[str, tyro.conf.arg(metavar="HEAD")] = "synthetic"
-    """Who performs: "synthetic", "synthetic:small", or one of these with a seed ("synthetic:full:3") for another person."""
+    head: Annotated[MaybeText, tyro.conf.arg(metavar="HEAD", help_behavior_hint="")] = None
+    """Who performs: "synthetic" (the default), "synthetic:small", or one of these with a seed ("synthetic:full:3") for another person. With
+    --avatar the head that it is bound to: a head model or rig (.npz), or a FLAME pickle."""
 
     seed: int = 0
     """Of appearance and motion."""
@@ -77,6 +94,7 @@ class Options:
     supersample: Annotated[int, tyro.conf.arg(metavar="N")] = 2
     """Samples along each axis of a pixel."""
 
+    performer: Performer = field(default_factory=Performer)
     tracking: Tracking = field(default_factory=Tracking)
     common: Common = field(default_factory=Common)
 
@@ -88,8 +106,6 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         SachaError: an option makes no sense.
         OSError: a file cannot be written.
     """
-    from sacha_core.cli.sources import keep
-    from sacha_core.flame.open import open_head
     from sacha_core.synthesis.options import SynthOptions
 
     everything = SynthOptions()
@@ -107,11 +123,8 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         pose_noise_rad=options.tracking.pose_noise,
         translation_noise_m=options.tracking.translation_noise,
     )
-    head = open_head(options.head)
-    if not head.name.startswith("synthetic-"):
-        raise HeadError(f"--head {options.head} is not a synthetic head; only those come with an appearance to film")
-    keep(head)
-    union = make_capture(options.out, head, chosen, console)
+    film_it = film_synthetic if options.performer.avatar is None else film_performer
+    union, head = film_it(options, chosen, console)
     n_timesteps = len(chosen.train) * chosen.train_timesteps + chosen.test_timesteps
     n_images = n_timesteps * len(chosen.cameras)
     console.wrote("capture", union)
@@ -129,35 +142,64 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     }
 
 
-def make_capture(root: Path, head: HeadModel, options: SynthOptions, console: Console) -> Path:
-    """Film a capture; sequences that lie there complete, made from the same options, are kept.
+def film_synthetic(options: Options, chosen: SynthOptions, console: Console) -> tuple[Path, HeadModel]:
+    """Film the synthetic head.
 
-    Args:
-        root: the folder that it goes to.
-        head: who performs.
-        options: what shall be filmed.
-        console: told how far it is.
-
-    Returns:
-        The union folder, which is what one trains on.
+    Raises:
+        OptionError: an option that belongs to an avatar is given.
+        HeadError: the head is not a synthetic one.
     """
-    from sacha_core.interchange.capture_writer import CaptureWriter
-    from sacha_core.synthesis.film import film, plan_takes
+    from sacha_core.cli.filming import make_capture
+    from sacha_core.cli.sources import keep
+    from sacha_core.flame.open import open_head
 
-    takes = plan_takes(head, options)
-    origin = options.origin(head.reference.sha256)
-    writer = CaptureWriter(root, f"synthetic-{options.seed}", head.reference, origin=origin)
-    sequences = {take.name: writer.sequence(take.name, take.tracked, tuple(take.cameras)) for take in takes}
-    missing = [take for take in takes if not sequences[take.name].is_complete()]
-    total = sum(len(take.truth) * len(take.cameras) for take in missing)
-    done = 0
-    for take in missing:
-        sequence = sequences[take.name]
-        for picture in film(head, take, options):
-            sequence.add(picture.timestep, picture.camera_index, picture.camera, picture.image, picture.mask)
-            done += 1
-            console.report(Progress("film", done, total))
-        sequence.finish()
-    if len(missing) < len(takes):
-        console.say(f"kept         {len(takes) - len(missing)} of {len(takes)} sequences that were there already")
-    return writer.finish([sequences[name] for name in options.train], [sequences[options.test]])
+    for name in ("motion", "masks"):
+        if getattr(options.performer, name) is not None:
+            raise OptionError(f"--{name} is for an avatar; expected --avatar AVATAR beside it")
+    named = options.head or "synthetic"
+    head = open_head(named)
+    if not head.name.startswith("synthetic-"):
+        raise HeadError(
+            f"--head {named} is not a synthetic head; only those come with an appearance to film: give --avatar AVATAR for others"
+        )
+    keep(head)
+    return make_capture(options.out, head, chosen, console), head
+
+
+def film_performer(options: Options, chosen: SynthOptions, console: Console) -> tuple[Path, HeadModel]:
+    """Film an avatar.
+
+    Raises:
+        SachaError: the avatar, its head or its motion cannot be used.
+    """
+    from sacha_core.cli.filming import capture_avatar
+    from sacha_core.cli.sources import open_avatar, open_motion
+    from sacha_core.synthesis.avatar_film import Sitter
+
+    performer = options.performer
+    assert performer.avatar is not None
+    opened = open_avatar(performer.avatar, HeadSource(options.head, performer.masks))
+    say_regions(opened.head, console)
+    sitter = Sitter(opened.avatar.gaussians, opened.head, opened.avatar.motion)
+    motion = None if performer.motion is None else open_motion(performer.motion, opened.head)
+    return capture_avatar(options.out, subject_name(performer.avatar), sitter, chosen, motion, console), opened.head
+
+
+def say_regions(head: HeadModel, console: Console) -> None:
+    """Say how many triangles each region has, or why they are not known, which training would find out late."""
+    from sacha_core.regions.labels import label_triangles
+    from sacha_core.regions.scheme import PAPER
+
+    try:
+        labels = label_triangles(head, PAPER)
+    except HeadError as error:
+        console.say(f"regions      unknown: {error}")
+        return
+    counts = ", ".join(f"{name} {int((labels == row).sum())}" for row, name in enumerate(PAPER.regions))
+    console.say(f"regions      {counts} triangles")
+
+
+def subject_name(avatar: Path) -> str:
+    """Give an avatar's name as it may stand in a folder's name, which has `_` between its parts."""
+    name = re.sub(r"[^A-Za-z0-9.]+", "-", avatar.resolve().with_suffix("").name).strip("-.")
+    return name or "avatar"

@@ -66,8 +66,7 @@ class CaptureWriter:
     origin: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not re.fullmatch(r"[A-Za-z0-9.-]+", self.subject):
-            raise DatasetError(f"subject {self.subject!r}: expected letters, digits, '-' and '.'")
+        require_plain("subject", self.subject)
 
     def sequence(self, name: str, motion: Motion, camera_indices: Iterable[int]) -> SequenceWriter:
         """Give the writer of one sequence.
@@ -76,7 +75,11 @@ class CaptureWriter:
             name: such as "EMO-1"; no `_`.
             motion: parameters of its timesteps as they shall be written.
             camera_indices: which cameras take an image at each timestep.
+
+        Raises:
+            DatasetError: the name would not do as a part of a folder's.
         """
+        require_plain("sequence", name)
         return SequenceWriter(self, name, motion, tuple(camera_indices))
 
     def folder(self, sequence: str) -> Path:
@@ -244,6 +247,12 @@ class SequenceWriter:
         for split, chosen in splits.items():
             write_transforms(self.folder / f"transforms_{split}.json", chosen, single_sequence=True)
         write_transforms(self.folder / EVERYTHING, records, single_sequence=True, extra={"origin": self.origin})
+
+
+def require_plain(kind: str, name: str) -> None:
+    """Check that a name can be one of the parts of a folder's name, which `_` separates."""
+    if not re.fullmatch(r"[A-Za-z0-9.-]+", name):
+        raise DatasetError(f"{kind} {name!r}: expected letters, digits, '-' and '.'")
 
 
 def canonical(motion: Motion) -> Motion:
