@@ -22,7 +22,10 @@ __all__ = ["INPUTS", "Options", "run"]
 
 INPUTS = ("dataset",)
 
-Variant = Literal["ga", "default", "rad", "rad-gp-lgs", "rad-gp-pis", "default-gp-pis", "paper", "sacha"]
+Variant = Literal[
+    "ga", "default", "default-seen", "rad", "rad-gp-lgs", "rad-gp-pis", "default-gp-pis", "paper", "sacha",
+    "paper-inverted", "paper-random", "sacha-inverted", "sacha-random",
+]  # fmt: skip
 MaybePreset = Optional[Literal["paper"]]  # noqa: UP045 (see cli/common.py)
 ITERATIONS = 6000  # some minutes on two cores
 

@@ -16,6 +16,7 @@ __all__ = [
     "Calibration",
     "Densification",
     "Event",
+    "HiddenRemoval",
     "OpacityReset",
     "Pruning",
     "dump_events",
@@ -86,6 +87,31 @@ class Pruning:
 
 
 @dataclass(frozen=True)
+class HiddenRemoval:
+    """Gaussians were removed because they never show.
+
+    Args:
+        iteration: after how many iterations.
+        guard: guard mode.
+        n_views: training views that were looked at.
+        visible_pixels: blending weight, in pixels a view, above which a Gaussian shows.
+        before: (r,) counts.
+        requested: (r,) those that never show.
+        removed: (r,) removals made.
+        after: (r,) counts.
+    """
+
+    iteration: int
+    guard: str
+    n_views: int
+    visible_pixels: float
+    before: Counts
+    requested: Counts
+    removed: Counts
+    after: Counts
+
+
+@dataclass(frozen=True)
 class Densification:
     """Gaussians were cloned, split, and removed for being nearly transparent or far too large.
 
@@ -121,8 +147,14 @@ class OpacityReset:
     lowered: int
 
 
-Event = Calibration | Pruning | Densification | OpacityReset
-KINDS = {"calibration": Calibration, "pruning": Pruning, "densification": Densification, "opacity_reset": OpacityReset}
+Event = Calibration | Pruning | HiddenRemoval | Densification | OpacityReset
+KINDS = {
+    "calibration": Calibration,
+    "pruning": Pruning,
+    "hidden_removal": HiddenRemoval,
+    "densification": Densification,
+    "opacity_reset": OpacityReset,
+}
 
 
 def dump_events(events: Iterable[Event]) -> str:

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int, Integer
 
 from sacha_core.density.guard import guarded
 
-__all__ = ["Guard", "Selection", "lowest_of_all", "lowest_of_each_region", "quota"]
+__all__ = ["Guard", "Selection", "hidden_ones", "lowest_of_all", "lowest_of_each_region", "quota"]
 
 Guard = Literal["off", "exclude", "after"]
 
@@ -92,6 +92,33 @@ def lowest_of_all(
     asked = np.zeros(len(score), bool)
     asked[candidates[: len(lowest)]] = True
     return _selection(asked, requested, regions, binding, guard)
+
+
+def hidden_ones(
+    weight: Float[np.ndarray, " n"],
+    visible_from: float,
+    regions: Integer[np.ndarray, " n"],
+    n_regions: int,
+    binding: Int[np.ndarray, " n"],
+    guard: Guard = "off",
+) -> Selection:
+    """Select all Gaussians that never show.
+
+    Args:
+        weight: (n,) blending weight summed over pixels and views.
+        visible_from: weight above which a Gaussian shows.
+        regions: (n,) region of each Gaussian.
+        n_regions: number of regions.
+        binding: (n,) triangle of each Gaussian.
+        guard: `off` takes all; `exclude` leaves a triangle on which nothing shows the one that shows most; `after` leaves it all.
+
+    Source: own.
+    """
+    hidden = ~(weight > visible_from)
+    requested = np.bincount(regions[hidden], minlength=n_regions)
+    if guard == "exclude":
+        hidden &= ~best_of_triangle(np.argsort(weight, kind="stable"), binding)
+    return _selection(hidden, requested, regions, binding, guard)
 
 
 def best_of_triangle(order: Int[np.ndarray, " n"], binding: Int[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:

@@ -27,7 +27,8 @@ HIGHEST = {"ratios": 1.0}
 # change nothing in the result; but for the device, of which the loop takes care
 ELSEWHERE = ("threads", "checkpoint_every", "image_cache_bytes", "device")
 AFTER_WARM_UP = (
-    "variant", "pruning", "importance", "density.by_region", "density.means", "density.guard_faint", "schedule.calibrations",
+    "variant", "pruning", "importance", "density.by_region", "density.means", "density.modulators", "density.region_weights",
+    "density.guard_faint", "schedule.calibrations",
 )  # fmt: skip
 
 

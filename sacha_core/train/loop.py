@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.density.events import Event, write_events
+from sacha_core.density.scores.table import KNOWN_SCORES
 from sacha_core.density.scores_file import Scores, write_scores
 from sacha_core.errors import DatasetError, HeadError, OptionError
 from sacha_core.flame.model import HeadModel
@@ -26,8 +27,10 @@ from sacha_core.stopwatch import Stopwatch, timed
 from sacha_core.train import density_control as control
 from sacha_core.train.checkpoint import Checkpoint, differing, read_checkpoint, require_fit, write_checkpoint
 from sacha_core.train.cuda.available import missing
+from sacha_core.train.densifying import densify
 from sacha_core.train.devices import find_device, open_engine
 from sacha_core.train.engine import Engine
+from sacha_core.train.importance import PASSES, SeenWeights, importance
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.output import (
     CHECKPOINT,
@@ -39,6 +42,7 @@ from sacha_core.train.output import (
     write_outcome,
     write_plan,
 )
+from sacha_core.train.pruning import prune, remove_hidden
 from sacha_core.train.rates import learning_rates
 from sacha_core.train.regions import head_regions
 from sacha_core.train.scene import fingerprint, require_poses, scene_extent
@@ -135,6 +139,7 @@ class Run:
     def __post_init__(self) -> None:
         options, capture = self.options, self.capture
         self.regions = head_regions(self.head, options.scheme)
+        self.regions.factors(options.density.region_weights)  # refuses unknown names before anything is done
         size = (options.width, options.height)
         self.extent = scene_extent(capture, self.head)
         self.views = TrainingViews(capture, *size, options.sensitivity_pad, options.image_cache_bytes)
@@ -169,6 +174,10 @@ class Run:
         iterations = self.options.schedule.iterations
         self.advance(iterations)
         state = self._take()
+        if self.options.pruning.hidden_at_end:
+            seen = self._look(state, self._degree())
+            self.events.append(remove_hidden(state, self.options, self.regions, seen)[0])
+            self._require_some(state)
         fitted = state.motion(self.capture.motion)
         outcome = (state.gaussians(), fitted, tuple(self.events), state.faults, self.options.device)
         model = TrainedModel(self.folder, iterations, *outcome)
@@ -203,11 +212,15 @@ class Run:
         with timed(self.engine.stopwatch, "wait for images"):
             targets = next(self.targets)
         self.iteration += 1
-        degree = min(options.sh_degree, self.iteration // options.schedule.sh_every)
+        degree = self._degree()
         self.engine.differentiate(self.iteration, targets, degree)
         with timed(self.engine.stopwatch, "density control"):
             void = self._control_density(degree)
         self.engine.advance(learning_rates(options.rates, options.schedule, self.iteration, self.extent), void)
+
+    def _degree(self) -> int:
+        """Give the degree of the harmonics in use."""
+        return min(self.options.sh_degree, self.iteration // self.options.schedule.sh_every)
 
     def _control_density(self, degree: int) -> frozenset[str]:
         """Do what is due after this iteration, in the method's order; give the attributes whose gradients are void by it."""
@@ -222,47 +235,62 @@ class Run:
             void |= self._calibrate(state, degree)
         if schedule.densifies(now):
             scale = self.engine.triangle_scale
-            self.events.append(control.densify(state, self.options, self.regions, scale, self.extent))
+            self.events.append(densify(state, self.options, self.regions, scale, self.extent))
             void |= frozenset(ATTRIBUTES)
         if resets:
             self.events.append(control.reset_opacity(state, self.options))
             void |= {"opacity_logit"}
         write_events(self.folder / EVENTS, self.events)
-        if not len(state):
-            raise DatasetError(
-                f"no Gaussian is left after iteration {now}: none was opaque enough or small enough (extent {self.extent:.3g} m);"
-                " are the images all background, or the cameras inside the head?"
-            )
+        self._require_some(state)
         self.engine.put(state)
         self.n_gaussians = len(state)
         return void
 
+    def _require_some(self, state: TrainState) -> None:
+        if not len(state):
+            raise DatasetError(
+                f"no Gaussian is left after iteration {state.iteration}: none was opaque, small or visible enough"
+                f" (extent {self.extent:.3g} m); are the images all background, or the cameras inside the head?"
+            )
+
     def _calibrate(self, state: TrainState, degree: int) -> frozenset[str]:
         """Measure the regions; score and prune where the variant does; keep the scores of the last time."""
         options = self.options
-        prunes = options.pruning.scope != "none"
+        by_score, hidden_first = options.pruning.scope != "none", options.pruning.hidden_first
+        prunes = by_score or hidden_first
         is_last = self.iteration == max(options.schedule.calibrations)
-        seen = self._look(state, degree) if prunes or is_last or options.density.means != "plain" else None
+        scores = by_score or is_last
+        passes = KNOWN_SCORES[options.pruning.score].passes if scores else ()
+        looks = prunes or scores or options.density.means != "plain"
+        seen = self._look(state, degree, passes) if looks else None
         self.events.append(control.calibrate(state, options, self.regions, seen))
         if seen is None:
             return frozenset()
-        score, before = control.importance(state, options, seen, self.rest_scale), state.gaussians()
-        if prunes:
-            self.events.append(control.prune(state, options, self.regions, score))
+        score = importance(state, options, seen, self.rest_scale) if scores else np.zeros(len(state))
+        before = state.gaussians()
+        if hidden_first:
+            event, kept = remove_hidden(state, options, self.regions, seen)
+            self.events.append(event)
+        if by_score:
+            left = score[kept] if hidden_first else score
+            self.events.append(prune(state, options, self.regions, left))
         if is_last:
             facts = (self.head.n_faces, options.scheme, tuple(self.events))
             write_scores(self.folder / SCORES, Scores(before, score, *facts))
         return frozenset(ATTRIBUTES) if prunes else frozenset()
 
-    def _look(self, state: TrainState, degree: int) -> control.SeenWeights:
-        """Sum blending weights over training views, in float64; each timestep is posed once."""
+    def _look(self, state: TrainState, degree: int, passes: Sequence[str] = ()) -> SeenWeights:
+        """Sum over training views blending weights and what further passes find, in float64; each timestep is posed once."""
         chosen = spread_views(self.views.views, self.options.importance.views)
-        weights, done = np.zeros((len(state), 2)), 0
+        weights, more, done = np.zeros((len(state), 2)), dict[str, np.ndarray](), 0
         for targets in decoded_ahead(self.views, grouped(self.views.views, chosen, len(chosen))):
             weights += self.engine.weights(targets, degree)
+            for name in passes:
+                found = PASSES[name](self.engine, targets, degree)
+                more[name] = more[name] + found if name in more else found
             done += len(targets)
             self.report(Progress("measure importance", done, len(chosen)))
-        return control.SeenWeights(weights, len(chosen))
+        return SeenWeights(weights, len(chosen), more)
 
     def _steps(self, iteration: int) -> Iterator[Step]:
         """Give the views that each iteration learns from, beginning after `iteration`."""

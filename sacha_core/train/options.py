@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+from sacha_core.density.modulators import Modulators
+from sacha_core.density.scores.table import KNOWN_SCORES
 from sacha_core.density.selection import Guard
 from sacha_core.errors import OptionError
 
@@ -95,6 +97,8 @@ class DensityOptions:
         threshold_highest: bound of a region's threshold.
         by_region: whether regions get thresholds of their own after warm-up.
         means: which mean sensitivities make the modulators. `visible` and `weighted` cost an importance pass at each calibration.
+        modulators: what becomes of the modulators learnt (see `controlled`); all but `learned` are controls.
+        region_weights: factors of the modulators of some regions, by name: one below 1 gives its region more Gaussians.
         largest_clone: longest standard deviation that is cloned and not split, in scene extents.
         largest: longest standard deviation that is kept, in scene extents.
         lowest_opacity: that is kept.
@@ -112,6 +116,8 @@ class DensityOptions:
     threshold_highest: float = 6e-4
     by_region: bool = True
     means: Literal["plain", "visible", "weighted"] = "plain"
+    modulators: Modulators = "learned"
+    region_weights: tuple[tuple[str, float], ...] = ()
     largest_clone: float = 0.01
     largest: float = 0.1
     lowest_opacity: float = 0.005
@@ -126,9 +132,13 @@ class PruningOptions:
     """Pruning by score.
 
     Args:
-        scope: `regions` by each region's ratio; `all` by one ratio over all Gaussians; `weighted` likewise, with each score divided by the
-            modulator of its region; `none` not at all.
-        score: `pis` or `lgs`.
+        scope: `regions` by each region's ratio; `all` by one ratio over all Gaussians; `weighted` likewise, with each score divided by a
+            power of the modulator of its region; `none` not at all.
+        score: name of the importance score, in the table of `density/scores`.
+        power: of the modulator that `weighted` divides by; the ratio's bounds hold for the modulator.
+        hidden_first: whether each pruning begins with what never shows; the ratio is then of what remains. With `scope` none, nothing
+            else goes.
+        hidden_at_end: whether what never shows goes at the end of the run.
         guard: what becomes of a triangle's last Gaussian (see `lowest_of_each_region`).
         ratio: share that goes at each pruning (rho0).
         ratio_lowest: bound of a region's ratio.
@@ -138,7 +148,10 @@ class PruningOptions:
     """
 
     scope: Literal["none", "all", "weighted", "regions"] = "regions"
-    score: Literal["pis", "lgs"] = "pis"
+    score: str = "pis"
+    power: float = 1.0
+    hidden_first: bool = False
+    hidden_at_end: bool = False
     guard: Guard = "off"
     ratio: float = 0.2
     ratio_lowest: float = 0.1
@@ -154,7 +167,7 @@ class ImportanceOptions:
         pixel_factor: lambda_S.
         gaussian_factor: lambda_a.
         volume_space: whether volumes are compared in local units or in metres of the neutral head.
-        visible_pixels: blending weight, in pixels a view, above which a Gaussian counts as visible.
+        visible_pixels: blending weight, in pixels a view, above which a Gaussian counts as visible; below, it never shows.
     """
 
     views: int = 1500
@@ -232,7 +245,13 @@ class TrainOptions:
         _require(0 < self.pruning.ratio < 1, "pruning.ratio", self.pruning.ratio, "above 0 and below 1")
         _require(0 <= self.pruning.ratio_lowest <= self.pruning.ratio_highest <= 1, "pruning.ratio_lowest",
                  self.pruning.ratio_lowest, "0 to pruning.ratio_highest, which is at most 1")  # fmt: skip
+        _require(
+            self.pruning.score in KNOWN_SCORES, "pruning.score", self.pruning.score, f"one of {', '.join(KNOWN_SCORES)}"
+        )
+        _require(abs(self.pruning.power) < float("inf"), "pruning.power", self.pruning.power, "a finite number")
         _require(0 < self.density.threshold < float("inf"), "density.threshold", self.density.threshold, "above 0")
+        for name, weight in self.density.region_weights:
+            _require(0 < weight < float("inf"), f"density.region_weights of {name}", weight, "a number above 0")
         _require(self.importance.views >= 1, "importance.views", self.importance.views, "at least 1")
 
     def record(self) -> dict[str, Any]:
@@ -246,10 +265,10 @@ def _require(holds: bool, name: str, value: object, expected: str) -> None:
 
 
 def from_record(record: dict[str, Any]) -> TrainOptions:
-    """Build options from what `TrainOptions.record` gave.
+    """Build options from what `TrainOptions.record` gave, perhaps before some option came: it then has its default, which does as was done.
 
     Raises:
-        OptionError: naming a field that is missing, unknown or out of range.
+        OptionError: naming a field that is unknown or out of range.
     """
     options: TrainOptions = _build(TrainOptions, record, "options")
     return options
@@ -257,8 +276,8 @@ def from_record(record: dict[str, Any]) -> TrainOptions:
 
 def _build(kind: type[Any], record: Any, where: str) -> Any:
     names = {f.name for f in fields(kind)}
-    if not isinstance(record, dict) or record.keys() != names:
-        raise OptionError(f"{where} does not have exactly the fields {', '.join(sorted(names))}")
+    if not isinstance(record, dict) or not record.keys() <= names:
+        raise OptionError(f"{where} does not have only the fields {', '.join(sorted(names))}")
     hints = get_type_hints(kind)
     values = {}
     for name, value in record.items():
@@ -269,5 +288,10 @@ def _build(kind: type[Any], record: Any, where: str) -> Any:
             if get_origin(nested) is Literal:
                 known = get_args(nested)
                 _require(value in known, f"{where}.{name}", value, f"one of {', '.join(map(str, known))}")
-            values[name] = tuple(value) if isinstance(value, list) else value
+            values[name] = _tuples(value)
     return kind(**values)
+
+
+def _tuples(value: Any) -> Any:
+    """Give JSON's lists as the tuples that they were."""
+    return tuple(_tuples(one) for one in value) if isinstance(value, list) else value

@@ -5,12 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
+from sacha_core.density.modulators import Modulators
 from sacha_core.errors import OptionError
 from sacha_core.train.options import WHOLE, Schedule, TrainOptions
 
 __all__ = ["VARIANTS", "growing_to_the_last_prune", "preset", "scaled", "variant"]
 
-VARIANTS = ("ga", "default", "rad", "rad-gp-lgs", "rad-gp-pis", "default-gp-pis", "paper", "sacha")
+VARIANTS = (
+    "ga", "default", "default-seen", "rad", "rad-gp-lgs", "rad-gp-pis", "default-gp-pis", "paper", "sacha",
+    "paper-inverted", "paper-random", "sacha-inverted", "sacha-random",
+)  # fmt: skip
+CONTROLS: dict[str, Modulators] = {"inverted": "inverted", "random": "random"}
 
 SCOPES: dict[str, Literal["none", "all", "weighted", "regions"]] = {
     "rad-gp-lgs": "all",
@@ -124,23 +129,33 @@ def variant(options: TrainOptions, name: str) -> TrainOptions:
     no guard, growth stops at the last pruning, and regions compete for what stays by scores over their modulators, since quotas take from
     regions where nothing is superfluous and leave hidden Gaussians where much is.
 
+    Controls, without which nothing is known: `default-seen` is `default` without what never shows, which goes at the very end;
+    `-inverted` has one over each modulator, `-random` that of another region.
+
     Raises:
         OptionError: no variant has that name.
     """
     if name not in VARIANTS:
         raise OptionError(f"variant {name!r} is unknown; expected one of {', '.join(VARIANTS)}")
-    by_region = name not in {"ga", "default", "default-gp-pis"}
+    rules, _, control = name.rpartition("-") if name.endswith(tuple(CONTROLS)) else (name, "", "")
+    by_region = rules not in {"ga", "default", "default-seen", "default-gp-pis"}
     pruning = replace(
         options.pruning,
-        scope=SCOPES.get(name, "none"),
-        score="lgs" if name.endswith("lgs") else "pis",
-        guard="after" if name == "paper" else "off",
+        scope=SCOPES.get(rules, "none"),
+        score="lgs" if rules.endswith("lgs") else "pis",
+        guard="after" if rules == "paper" else "off",
+        hidden_at_end=rules == "default-seen",
     )
-    density = replace(options.density, by_region=by_region, guard_faint=name != "sacha")
-    if name == "ga":
+    density = replace(
+        options.density,
+        by_region=by_region,
+        guard_faint=rules != "sacha",
+        modulators=CONTROLS.get(control, "learned"),
+    )
+    if rules == "ga":
         density = replace(density, threshold=density.threshold * 2 / 3)  # 2e-4 where the paper has 3e-4
     chosen = replace(options, variant=name, density=density, pruning=pruning)
-    return growing_to_the_last_prune(chosen) if name == "sacha" else chosen
+    return growing_to_the_last_prune(chosen) if rules == "sacha" else chosen
 
 
 def growing_to_the_last_prune(options: TrainOptions) -> TrainOptions:

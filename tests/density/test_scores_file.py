@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 
 from sacha_core.avatar.gaussians import Gaussians
-from sacha_core.density.events import Calibration, Densification, OpacityReset, Pruning, dump_events, parse_events
+from sacha_core.density.events import (
+    Calibration,
+    Densification,
+    HiddenRemoval,
+    OpacityReset,
+    Pruning,
+    dump_events,
+    parse_events,
+)
 from sacha_core.density.scores_file import BlendingSums, Scores, read_scores, write_scores
 from sacha_core.errors import FormatError
 from sacha_core.npz import read_npz, write_npz
@@ -19,6 +27,7 @@ EVENTS = (
     OpacityReset(10, 0.01, 7),
     Densification(20, (3, 4), (1, 0), (0, 2), (0, 0), (4, 6)),
     Calibration(30, (4, 6), (2, 0), (0.1, 0.2), (0.3, None), (0.2, None), 0.16, 0.3, 0.2, (1.6, 0.8), (3e-4, 2e-4), (0.2, 0.1), "plain"),
+    HiddenRemoval(30, "after", 120, 1 / 12, (5, 7), (2, 1), (1, 1), (4, 6)),
     Pruning(30, "pis", "off", (4, 6), (1, 1), (1, 0), (3, 6)),
 )  # fmt: skip
 
@@ -110,7 +119,8 @@ def test_events_come_back_and_are_one_json_object_a_line() -> None:
     text = dump_events(EVENTS)
     assert parse_events(text) == EVENTS
     records = [json.loads(line) for line in text.splitlines()]
-    assert [record["event"] for record in records] == ["opacity_reset", "densification", "calibration", "pruning"]
+    kinds = [record["event"] for record in records]
+    assert kinds == ["opacity_reset", "densification", "calibration", "hidden_removal", "pruning"]
     assert parse_events("") == ()
 
 

@@ -12,9 +12,12 @@ from hypothesis import strategies as st
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.density.selection import lowest_of_all
-from sacha_core.train.density_control import SeenWeights, calibrate, densify, importance, prune, reset_opacity
+from sacha_core.train.densifying import densify
+from sacha_core.train.density_control import calibrate, reset_opacity
+from sacha_core.train.importance import SeenWeights, importance
 from sacha_core.train.options import PruningOptions, TrainOptions
 from sacha_core.train.presets import preset, variant
+from sacha_core.train.pruning import prune
 from sacha_core.train.regions import Regions
 from sacha_core.train.state import ATTRIBUTES, TrainState, initial_state
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import json
 import shutil
 import time
@@ -12,18 +13,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sacha_core.density.events import Calibration, Densification, OpacityReset, Pruning, parse_events
+from sacha_core.density.events import Calibration, Densification, HiddenRemoval, OpacityReset, Pruning, parse_events
 from sacha_core.density.scores_file import read_scores
 from sacha_core.errors import GeometryError, HeadError, OptionError
 from sacha_core.interchange.gaussian_avatars import read_model
+from sacha_core.progress import silent
 from sacha_core.stopwatch import Stopwatch
 from sacha_core.train.checkpoint import read_checkpoint
-from sacha_core.train.loop import train
+from sacha_core.train.loop import Run, train
 from sacha_core.train.options import TrainOptions, from_record
 from sacha_core.train.output import CHECKPOINT, EVENTS, SCORES, WARM_UP_CHECKPOINT
 from sacha_core.train.presets import scaled
+from sacha_core.train.state import ATTRIBUTES
 
 ITERATIONS = 40
+SOME_HIDDEN = 5.0  # pixels a view, which some of these few triangles reach and others not
 BASE = TrainOptions(threads=1, sh_degree=1, device="cpu")
 
 
@@ -186,6 +190,41 @@ def test_what_lies_in_the_folder(tiny, finished) -> None:
     assert scores.events == tuple(event for event in events if event.iteration < 24) + tuple(
         event for event in events if event.iteration == 24 and isinstance(event, Calibration | Pruning)
     )
+
+
+def test_default_seen_is_default_without_what_never_shows(tiny, tmp_path) -> None:
+    """The oracle is the default run itself, and an importance pass over it."""
+    importance = replace(options().importance, visible_pixels=SOME_HIDDEN)
+    default, default_seen = (replace(options(name), importance=importance) for name in ("default", "default-seen"))
+    plain = train(tiny.capture, tiny.head, default, tmp_path / "default")
+    seen = train(tiny.capture, tiny.head, default_seen, tmp_path / "seen")
+    *before, last = seen.events
+    assert tuple(before) == plain.events
+    assert isinstance(last, HiddenRemoval)
+    assert last.iteration == ITERATIONS
+    assert 0 < sum(last.removed) == sum(last.requested) < sum(last.before) == len(plain.gaussians)
+    run = Run(tiny.capture, tiny.head, default, tmp_path / "default", silent)
+    run.begin(resume=True, start_from=None)
+    shows = run._look(run._take(), 1).visible(importance)
+    for name in ATTRIBUTES:
+        assert np.array_equal(getattr(seen.gaussians, name), getattr(plain.gaussians, name)[shows])
+    again = model_bytes(tmp_path / "seen")
+    train(tiny.capture, tiny.head, default_seen, tmp_path / "seen")
+    assert model_bytes(tmp_path / "seen") == again
+
+
+def test_what_never_shows_goes_first_where_that_is_asked_for(tiny, tmp_path) -> None:
+    made = options()
+    made = replace(made, pruning=replace(made.pruning, hidden_first=True))
+    events = train(tiny.capture, tiny.head, made, tmp_path).events
+    pairs = [(a, b) for a, b in itertools.pairwise(events) if isinstance(a, HiddenRemoval)]
+    assert len(pairs) == 2
+    for hidden, pruned in pairs:
+        assert isinstance(pruned, Pruning)
+        assert hidden.iteration == pruned.iteration
+        assert hidden.removed == hidden.requested
+        assert hidden.after == pruned.before
+        assert sum(pruned.removed) == int(made.pruning.ratio * sum(pruned.before))
 
 
 def test_calibration_pruning_densification_and_reset_come_in_this_order(tiny, tmp_path) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from typing import get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sacha_core.cli.train import Variant
 from sacha_core.errors import OptionError
 from sacha_core.train.options import TrainOptions, from_record
 from sacha_core.train.presets import VARIANTS, preset, scaled, variant
@@ -43,38 +45,52 @@ def test_a_scaled_run_is_in_order(iterations, name) -> None:
     if 2000 <= iterations < 20_000:
         assert iterations - schedule.calibrations[-1] >= 500
         assert max(schedule.opacity_resets) < schedule.warm_up
-        assert 35 <= sum(schedule.densifies(i) for i in range(iterations)) <= 50 or name == "sacha"
+        assert 35 <= sum(schedule.densifies(i) for i in range(iterations)) <= 50 or name.startswith("sacha")
 
 
 def test_variants_differ_as_their_names_say() -> None:
     of = {name: scaled(6000, name) for name in VARIANTS}
-    assert {name for name in VARIANTS if of[name].density.by_region} == {
-        "rad",
-        "rad-gp-lgs",
-        "rad-gp-pis",
-        "paper",
-        "sacha",
-    }
+    without = {"ga", "default", "default-seen", "default-gp-pis"}
+    assert {name for name in VARIANTS if not of[name].density.by_region} == without
     scopes = {name: of[name].pruning.scope for name in VARIANTS}
-    assert [name for name in VARIANTS if scopes[name] == "none"] == ["ga", "default", "rad"]
-    assert [name for name in VARIANTS if scopes[name] == "regions"] == ["paper"]
-    assert [name for name in VARIANTS if scopes[name] == "weighted"] == ["sacha"]
+    assert [name for name in VARIANTS if scopes[name] == "none"] == ["ga", "default", "default-seen", "rad"]
+    assert [name for name in VARIANTS if scopes[name] == "regions"] == ["paper", "paper-inverted", "paper-random"]
+    assert [name for name in VARIANTS if scopes[name] == "weighted"] == ["sacha", "sacha-inverted", "sacha-random"]
     assert {name for name in VARIANTS if of[name].pruning.score == "lgs"} == {"rad-gp-lgs"}
     assert of["sacha"].schedule.densify_until == max(of["sacha"].schedule.calibrations)
     assert of["default"].schedule.densify_until == 6000
+    assert {name for name in VARIANTS if of[name].pruning.hidden_at_end} == {"default-seen"}
     assert preset("ga").density.threshold == pytest.approx(2e-4, rel=1e-12)
+
+
+@pytest.mark.parametrize("rules", ["paper", "sacha"])
+@pytest.mark.parametrize("control", ["inverted", "random"])
+def test_a_control_differs_from_its_variant_by_the_modulators_alone(rules, control) -> None:
+    of = scaled(6000, f"{rules}-{control}")
+    assert of.density.modulators == control
+    same = replace(of, variant=rules, density=replace(of.density, modulators="learned"))
+    assert same == scaled(6000, rules)
+
+
+def test_the_command_line_knows_every_variant() -> None:
+    assert get_args(Variant) == VARIANTS
+
+
+def test_a_record_from_before_an_option_came_gets_its_default() -> None:
+    record = json.loads(json.dumps(scaled(5000, "sacha").record()))
+    del record["density"]["modulators"], record["pruning"]["power"], record["device"]
+    assert from_record(record) == scaled(5000, "sacha")
 
 
 def test_options_survive_a_json_file() -> None:
     options = scaled(5000, "sacha", TrainOptions(seed=3, width=275, height=401))
+    options = replace(options, density=replace(options.density, region_weights=(("eyes", 2.0), ("nose", 0.5))))
     assert from_record(json.loads(json.dumps(options.record()))) == options
 
 
-@pytest.mark.parametrize("change", [{"seed": None}, {"surprise": 1}, {"schedule": 3}])
+@pytest.mark.parametrize("change", [{"surprise": 1}, {"schedule": 3}, {"density": {"thresold": 1}}])
 def test_other_records_are_refused(change) -> None:
     record = TrainOptions().record() | change
-    if record["seed"] is None:
-        del record["seed"]
     with pytest.raises(OptionError, match="fields"):
         from_record(record)
 

@@ -16,8 +16,11 @@ from sacha_core.avatar.motion import Motion
 from sacha_core.bench.stability.case import Case, Findings
 from sacha_core.density.events import Calibration, dump_events
 from sacha_core.train import density_control as control
+from sacha_core.train.densifying import densify
+from sacha_core.train.importance import SeenWeights, importance
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.presets import preset
+from sacha_core.train.pruning import prune
 from sacha_core.train.regions import Regions
 from sacha_core.train.state import TrainState, initial_state
 
@@ -94,12 +97,12 @@ def _events(census: tuple[int, ...], change: Change, options: TrainOptions, find
     state, seen = _state(census, change), _seen(census, change)
     calibration = control.calibrate(state, options, regions, seen)
     _hold_calibration(calibration, options, change, findings)
-    score = control.importance(state, options, seen, np.full(N_REGIONS * FACES_OF_EACH, LOCAL_UNIT_M))
+    score = importance(state, options, seen, np.full(N_REGIONS * FACES_OF_EACH, LOCAL_UNIT_M))
     findings.require(bool((score >= 0).all()), "scores not negative")
-    pruning = control.prune(state, options, regions, score)
+    pruning = prune(state, options, regions, score)
     left = tuple(b - r for b, r in zip(pruning.before, pruning.removed, strict=True))
     findings.require(pruning.after == left == regions.counts(state.binding), "counts agree")
-    growth = control.densify(state, options, regions, np.full(N_REGIONS * FACES_OF_EACH, LOCAL_UNIT_M), EXTENT_M)
+    growth = densify(state, options, regions, np.full(N_REGIONS * FACES_OF_EACH, LOCAL_UNIT_M), EXTENT_M)
     parts = zip(growth.before, growth.cloned, growth.split, growth.removed, strict=True)
     findings.require(growth.after == tuple(b + c + s - r for b, c, s, r in parts), "counts agree")
     control.reset_opacity(state, options)
@@ -157,13 +160,13 @@ def _state(census: tuple[int, ...], change: Change) -> TrainState:
     return state
 
 
-def _seen(census: tuple[int, ...], change: Change) -> control.SeenWeights:
+def _seen(census: tuple[int, ...], change: Change) -> SeenWeights:
     """Weights of every Gaussian; none in region 2 where one is out of sight, none at all where nothing is in sight."""
     of = _regions_of(census)
     weights = np.random.default_rng(10).exponential(20, (len(of), 2)) * [1, 0.3]
     if "seen" in change:
         weights[(of == 2) | (change["seen"] == 0)] = 0
-    return control.SeenWeights(weights, N_VIEWS)
+    return SeenWeights(weights, N_VIEWS)
 
 
 def _regions_of(census: tuple[int, ...]) -> Int[np.ndarray, " n"]:

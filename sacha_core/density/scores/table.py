@@ -1,0 +1,60 @@
+"""The importance scores by name, each with what it is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from sacha_core.density.scores.light_gaussian import light_gaussian_score
+from sacha_core.density.scores.perceptual import perceptual_score
+
+__all__ = ["KNOWN_SCORES", "Evidence", "Score"]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What scores are made of.
+
+    Args:
+        sums: by the name of a pass over training views, what it summed for each of n Gaussians; `weights` is always there: (n, 2) blending
+            weight over pixels and views, plain and weighted by reference sensitivity.
+        sensitivity: (n,) learnt, in (0, 1).
+        scales: (n, 3) standard deviations, of one space.
+        pixel_factor: lambda_S.
+        gaussian_factor: lambda_a.
+    """
+
+    sums: Mapping[str, Float[np.ndarray, "n ..."]]
+    sensitivity: Float[np.ndarray, " n"]
+    scales: Float[np.ndarray, "n 3"]
+    pixel_factor: float = 1.0
+    gaussian_factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Score:
+    """An importance score.
+
+    Args:
+        of: gives (n,) not negative numbers; the lowest go first.
+        passes: over training views that it needs besides `weights`, by the names of the trainer's table.
+    """
+
+    of: Callable[[Evidence], Float[np.ndarray, " n"]]
+    passes: tuple[str, ...] = ()
+
+
+def _perceptual(found: Evidence) -> Float[np.ndarray, " n"]:
+    plain, sensitive = found.sums["weights"].T
+    factors = (found.pixel_factor, found.gaussian_factor)
+    return perceptual_score(plain, sensitive, found.sensitivity, found.scales, *factors)
+
+
+def _light_gaussian(found: Evidence) -> Float[np.ndarray, " n"]:
+    return light_gaussian_score(found.sums["weights"][:, 0], found.scales)
+
+
+KNOWN_SCORES = {"pis": Score(_perceptual), "lgs": Score(_light_gaussian)}
