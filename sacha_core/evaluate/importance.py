@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.density.events import Calibration
+from sacha_core.density.scores.table import KNOWN_SCORES
 from sacha_core.density.scores_file import BlendingSums, Scores
 from sacha_core.errors import HeadError, OptionError
 from sacha_core.evaluate.rig_views import rig_targets, spread_frames
@@ -18,10 +19,11 @@ from sacha_core.evaluate.views import evaluation_motion
 from sacha_core.flame.model import HeadModel
 from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.interchange.capture import Capture
-from sacha_core.progress import Progress, Report, silent
+from sacha_core.progress import Report, silent
 from sacha_core.synthesis.cameras import N_CAMERAS
-from sacha_core.train import density_control as control
+from sacha_core.train.density_control import calibrate
 from sacha_core.train.devices import find_device, open_engine
+from sacha_core.train.importance import importance, look
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.regions import head_regions
 from sacha_core.train.state import initial_state
@@ -95,21 +97,18 @@ def score_avatar(
     )
     engine = open_engine(find_device(options.device), head, motion, options)
     engine.put(state)
-    weights, done = np.zeros((len(order), 2)), 0
-    for step in targets:
-        weights += engine.weights(step, gaussians.sh_degree)
-        done += len(step)
-        report(Progress("measure importance", done, n_views))
+    passes = KNOWN_SCORES[options.pruning.score].passes
+    seen = look(engine, targets, n_views, gaussians.sh_degree, passes, report)
     learned = gaussians.sensitivity_logit is not None
-    seen = control.SeenWeights(weights, n_views)
     if not learned:
-        state.values["sensitivity_logit"] = estimated_sensitivity(weights, options.importance.visible_pixels * n_views)
-    calibration = control.calibrate(state, options, regions, seen)
+        least_weight = options.importance.visible_pixels * n_views
+        state.values["sensitivity_logit"] = estimated_sensitivity(seen.weights, least_weight)
+    calibration = calibrate(state, options, regions, seen)
     rest_scale = triangle_frames(head.v_template, head.faces).scale
-    score = control.importance(state, options, seen, rest_scale)
+    score = importance(state, options, seen, rest_scale)
     back = np.argsort(order)
     scored = replace(gaussians, sensitivity_logit=state.values["sensitivity_logit"][back])
-    sums = BlendingSums(weights[back, 0], weights[back, 1], n_views)
+    sums = BlendingSums(seen.weights[back, 0], seen.weights[back, 1], n_views)
     scores = Scores(scored, score[back], head.n_faces, options.scheme, (calibration,), sums)
     return Scored(scores, calibration, sums.visible(options.importance.visible_pixels), n_views, learned)
 

@@ -37,7 +37,7 @@ def calibrate(state: TrainState, options: TrainOptions, regions: Regions, seen: 
         visible_counts = np.bincount(of[visible], minlength=r)
     density, pruning = options.density, options.pruning
     learned = modulators(means[density.means])
-    modulator = controlled(learned, density.modulators, options.seed) * regions.factors(density.region_weights)
+    modulator = controlled(learned, density.modulators, options.seed) / regions.factors(density.region_weights)
     if density.by_region:
         bounds = (density.threshold_lowest, density.threshold_highest)
         state.thresholds = bounded(density.threshold, modulator, *bounds)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,12 +11,14 @@ from jaxtyping import Bool, Float
 from sacha_core.avatar.binding import sigmoid
 from sacha_core.density.scores.rounding import rounded
 from sacha_core.density.scores.table import KNOWN_SCORES, Evidence
+from sacha_core.density.scores_file import BlendingSums
+from sacha_core.progress import Progress, Report, silent
 from sacha_core.train.engine import Engine
 from sacha_core.train.options import ImportanceOptions, TrainOptions
 from sacha_core.train.state import TrainState
 from sacha_core.train.views import Target
 
-__all__ = ["PASSES", "SeenWeights", "importance", "spreads"]
+__all__ = ["PASSES", "SeenWeights", "importance", "look", "spreads"]
 
 # what scores need of the views of one timestep besides blending weights: (n, ...) float64, to be summed over views
 PASSES: dict[str, Callable[[Engine, Sequence[Target], int], Float[np.ndarray, "n ..."]]] = {}
@@ -36,10 +38,43 @@ class SeenWeights:
     n_views: int
     more: Mapping[str, Float[np.ndarray, "n ..."]] = field(default_factory=dict)
 
+    def sums(self) -> BlendingSums:
+        """Give the blending weights as a scores file keeps them."""
+        return BlendingSums(self.weights[:, 0], self.weights[:, 1], self.n_views)
+
     def visible(self, options: ImportanceOptions) -> Bool[np.ndarray, " n"]:
         """Tell which Gaussians show."""
         shows: np.ndarray = self.weights[:, 0] > options.visible_pixels * self.n_views
         return shows
+
+
+def look(
+    engine: Engine,
+    steps: Iterable[Sequence[Target]],
+    n_views: int,
+    degree: int,
+    passes: Sequence[str] = (),
+    report: Report = silent,
+) -> SeenWeights:
+    """Sum over views blending weights and what further passes find.
+
+    Args:
+        engine: with the state to look at.
+        steps: the views, each step some of one timestep.
+        n_views: how many there are in all.
+        degree: of the spherical harmonics in use.
+        passes: names of the further passes.
+        report: told about progress.
+    """
+    sums: dict[str, np.ndarray] = {}
+    done = 0
+    for targets in steps:
+        found = {"weights": engine.weights(targets, degree)}
+        found |= {name: PASSES[name](engine, targets, degree) for name in passes}
+        sums = {name: sums[name] + value if name in sums else value for name, value in found.items()}
+        done += len(targets)
+        report(Progress("measure importance", done, n_views))
+    return SeenWeights(sums.pop("weights"), n_views, sums)
 
 
 def importance(

@@ -30,7 +30,7 @@ from sacha_core.train.cuda.available import missing
 from sacha_core.train.densifying import densify
 from sacha_core.train.devices import find_device, open_engine
 from sacha_core.train.engine import Engine
-from sacha_core.train.importance import PASSES, SeenWeights, importance
+from sacha_core.train.importance import SeenWeights, importance, look
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.output import (
     CHECKPOINT,
@@ -175,7 +175,7 @@ class Run:
         self.advance(iterations)
         state = self._take()
         if self.options.pruning.hidden_at_end:
-            seen = self._look(state, self._degree())
+            seen = self._look(self._degree())
             self.events.append(remove_hidden(state, self.options, self.regions, seen)[0])
             self._require_some(state)
         fitted = state.motion(self.capture.motion)
@@ -262,7 +262,7 @@ class Run:
         scores = by_score or is_last
         passes = KNOWN_SCORES[options.pruning.score].passes if scores else ()
         looks = prunes or scores or options.density.means != "plain"
-        seen = self._look(state, degree, passes) if looks else None
+        seen = self._look(degree, passes) if looks else None
         self.events.append(control.calibrate(state, options, self.regions, seen))
         if seen is None:
             return frozenset()
@@ -276,21 +276,14 @@ class Run:
             self.events.append(prune(state, options, self.regions, left))
         if is_last:
             facts = (self.head.n_faces, options.scheme, tuple(self.events))
-            write_scores(self.folder / SCORES, Scores(before, score, *facts))
+            write_scores(self.folder / SCORES, Scores(before, score, *facts, seen.sums()))
         return frozenset(ATTRIBUTES) if prunes else frozenset()
 
-    def _look(self, state: TrainState, degree: int, passes: Sequence[str] = ()) -> SeenWeights:
-        """Sum over training views blending weights and what further passes find, in float64; each timestep is posed once."""
+    def _look(self, degree: int, passes: Sequence[str] = ()) -> SeenWeights:
+        """Sum over training views what they show of each Gaussian; each timestep is posed once."""
         chosen = spread_views(self.views.views, self.options.importance.views)
-        weights, more, done = np.zeros((len(state), 2)), dict[str, np.ndarray](), 0
-        for targets in decoded_ahead(self.views, grouped(self.views.views, chosen, len(chosen))):
-            weights += self.engine.weights(targets, degree)
-            for name in passes:
-                found = PASSES[name](self.engine, targets, degree)
-                more[name] = more[name] + found if name in more else found
-            done += len(targets)
-            self.report(Progress("measure importance", done, len(chosen)))
-        return SeenWeights(weights, len(chosen), more)
+        steps = decoded_ahead(self.views, grouped(self.views.views, chosen, len(chosen)))
+        return look(self.engine, steps, len(chosen), degree, passes, self.report)
 
     def _steps(self, iteration: int) -> Iterator[Step]:
         """Give the views that each iteration learns from, beginning after `iteration`."""

@@ -98,7 +98,7 @@ class DensityOptions:
         by_region: whether regions get thresholds of their own after warm-up.
         means: which mean sensitivities make the modulators. `visible` and `weighted` cost an importance pass at each calibration.
         modulators: what becomes of the modulators learnt (see `controlled`); all but `learned` are controls.
-        region_weights: factors of the modulators of some regions, by name: one below 1 gives its region more Gaussians.
+        region_weights: how much more some regions are worth than measured, by name: the modulator is divided by it, once.
         largest_clone: longest standard deviation that is cloned and not split, in scene extents.
         largest: longest standard deviation that is kept, in scene extents.
         lowest_opacity: that is kept.

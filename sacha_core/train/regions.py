@@ -40,7 +40,7 @@ class Regions:
         return tuple(np.bincount(self.labels[binding], minlength=self.n_regions).tolist())
 
     def factors(self, weights: Iterable[tuple[str, float]]) -> Float[np.ndarray, " r"]:
-        """Give each region's factor: 1 where none is named, and the product where one is named again.
+        """Give each region's weight: 1 where it is not named, and the product where it is named again.
 
         Raises:
             OptionError: a name is of no region.

@@ -12,8 +12,9 @@ from sacha_core.density.modulators import bounded
 from sacha_core.parallel.pool import Pool
 from sacha_core.perception.image_loss import ImageLoss
 from sacha_core.raster.harmonics import sh_rest_gradient
-from sacha_core.train.density_control import SeenWeights, calibrate
+from sacha_core.train.density_control import calibrate
 from sacha_core.train.gradients import ViewColours
+from sacha_core.train.importance import SeenWeights
 from sacha_core.train.optimiser import step_gaussians
 from sacha_core.train.options import DensityOptions, PruningOptions, TrainOptions
 from sacha_core.train.regions import Regions
