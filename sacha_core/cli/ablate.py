@@ -25,7 +25,8 @@ VARIANTS = ("default", "rad", "rad-gp-lgs", "rad-gp-pis", "default-gp-pis", "pap
 QUICK_VARIANTS = ("default", "rad-gp-pis", "sacha")
 ITERATIONS, QUICK_ITERATIONS = 6000, 3000
 SEEDS, QUICK_SEEDS = 3, 1
-IMAGES, QUICK_IMAGES = 100, 30
+IMAGES, QUICK_IMAGES = 100, 40
+PERCEPTUAL_IMAGES, QUICK_PERCEPTUAL_IMAGES = 25, 10
 SHOWN_LEVEL = 2  # in the table at the end; the report has all
 
 
@@ -56,10 +57,15 @@ class Sweep:
     judge_images: Annotated[MaybeInt, tyro.conf.arg(metavar="N", help_behavior_hint=f"(default: {IMAGES})")] = None
     """At most so many images of the held-out camera, and as many held-out expressions."""
 
+    perceptual_images: Annotated[
+        MaybeInt, tyro.conf.arg(metavar="N", help_behavior_hint=f"(default: {PERCEPTUAL_IMAGES})")
+    ] = None
+    """At most so many of these, evenly spread, are also judged by FLIP and LPIPS, which take ten times as long as all else."""
+
     metrics: Annotated[
         tuple[str, ...], tyro.conf.arg(metavar="NAME...", help_behavior_hint="(default: what is installed)")
     ] = ()
-    """Of psnr, ssim, flip and lpips."""
+    """Flip, lpips, or both; psnr and ssim always come along."""
 
     quick: bool = False
     """A smaller comparison, which ends within 25 minutes on two cores: three variants, one seed, 3000 iterations, 30 images."""
@@ -170,7 +176,8 @@ def judging_of(sweep: Sweep) -> Judging:
 
     metrics = sweep.metrics or tuple(name for name in METRICS if name != "flip" or missing() is None)
     images = given(sweep.judge_images, QUICK_IMAGES if sweep.quick else IMAGES)
-    return Judging(levels_of(sweep.levels), images, metrics)
+    perceptual = given(sweep.perceptual_images, QUICK_PERCEPTUAL_IMAGES if sweep.quick else PERCEPTUAL_IMAGES)
+    return Judging(levels_of(sweep.levels), images, metrics, perceptual)
 
 
 def levels_of(text: str) -> tuple[int, ...]:

@@ -6,13 +6,17 @@ import json
 import math
 import sys
 import time
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from sacha_core.progress import Progress
+
+if TYPE_CHECKING:
+    from rich.progress import TaskID
 
 __all__ = ["Bar", "JsonLines", "Nothing", "PlainLines", "TimeLeft", "Waiting", "duration"]
 
 SECONDS_BETWEEN_LINES = 15.0  # in a log file one line now and then is enough
+MOST_BARS = 12  # of which finished ones make room for new ones
 COUNT_WIDTH = 13  # columns: 360000/360000
 SECONDS_BETWEEN_OBJECTS = 0.1  # a program that reads every step would do little else
 
@@ -28,22 +32,26 @@ class Waiting(Protocol):
 
 
 class TimeLeft:
-    """Guesses how long a stage will still take, from its pace since its first report (a resumed job starts in the middle)."""
+    """Guesses how long a stage will still take, from its pace since its first report (a resumed job starts in the middle).
+
+    Several stages may be on at once; one that falls back begins anew.
+    """
 
     def __init__(self) -> None:
-        self._stage = ""
-        self._since = 0.0
-        self._first = 0
+        self._begun: dict[str, tuple[float, int]] = {}
+        self._last: dict[str, int] = {}
 
     def seconds(self, progress: Progress) -> float | None:
         """Give the seconds left in this stage; None while there is no pace to go by."""
-        now = time.monotonic()
-        if progress.stage != self._stage or progress.done < self._first:
-            self._stage, self._since, self._first = progress.stage, now, progress.done
-        steps = progress.done - self._first
+        now, stage = time.monotonic(), progress.stage
+        if stage not in self._begun or progress.done < self._last[stage]:
+            self._begun[stage] = (now, progress.done)
+        self._last[stage] = progress.done
+        since, first = self._begun[stage]
+        steps = progress.done - first
         if progress.done >= progress.total:
             return 0.0
-        return (now - self._since) / steps * (progress.total - progress.done) if steps > 0 else None
+        return (now - since) / steps * (progress.total - progress.done) if steps > 0 else None
 
 
 class Nothing:
@@ -61,17 +69,16 @@ class JsonLines:
 
     def __init__(self) -> None:
         self._left = TimeLeft()
-        self._written = -math.inf
-        self._stage = ""
+        self._written: dict[str, float] = {}
 
     def show(self, progress: Progress) -> None:
         """Write one object; steps that follow within a tenth of a second are left out, ends of stages never."""
         left = self._left.seconds(progress)
         now = time.monotonic()
-        same = progress.stage == self._stage and progress.done < progress.total
-        if same and now - self._written < SECONDS_BETWEEN_OBJECTS:
+        recent = now - self._written.get(progress.stage, -math.inf) < SECONDS_BETWEEN_OBJECTS
+        if recent and progress.done < progress.total:
             return
-        self._written, self._stage = now, progress.stage
+        self._written[progress.stage] = now
         line = {
             "stage": progress.stage,
             "done": progress.done,
@@ -87,19 +94,19 @@ class JsonLines:
 
 
 class PlainLines:
-    """A line of text on stderr now and then: what a bar becomes where stderr is no terminal."""
+    """A line of text on stderr now and then for each stage: what a bar becomes where stderr is no terminal."""
 
     def __init__(self) -> None:
         self._left = TimeLeft()
-        self._written = time.monotonic()
+        self._written: dict[str, float] = {}
 
     def show(self, progress: Progress) -> None:
-        """Write one line if the last is long enough ago."""
+        """Write one line if the stage's last, or its beginning, is long enough ago."""
         left = self._left.seconds(progress)
         now = time.monotonic()
-        if now - self._written < SECONDS_BETWEEN_LINES:
+        if now - self._written.setdefault(progress.stage, now) < SECONDS_BETWEEN_LINES:
             return
-        self._written = now
+        self._written[progress.stage] = now
         pace = "" if left is None else f", {_left(left)}"
         sys.stderr.write(f"{progress.stage} {progress.done}/{progress.total}{pace}{_values(progress)}\n")
         sys.stderr.flush()
@@ -127,17 +134,24 @@ class Bar:
             TextColumn("{task.fields[note]}", table_column=Column(no_wrap=True, overflow="ellipsis")),
             console=Terminal(stderr=True),
         )
-        self._stage = ""
-        self._task = self._bars.add_task("", visible=False, total=0, note="")
+        self._tasks: dict[str, TaskID] = {}
 
     def show(self, progress: Progress) -> None:
         """Draw one step."""
         note = _left(self._left.seconds(progress)) + _values(progress)
-        if progress.stage != self._stage:
+        if progress.stage not in self._tasks:
             self._bars.start()
-            self._stage = progress.stage
-            self._task = self._bars.add_task(progress.stage, total=progress.total, note=note)
-        self._bars.update(self._task, completed=progress.done, total=progress.total, note=note)
+            self._make_room()
+            self._tasks[progress.stage] = self._bars.add_task(progress.stage, total=progress.total, note=note)
+        self._bars.update(self._tasks[progress.stage], completed=progress.done, total=progress.total, note=note)
+
+    def _make_room(self) -> None:
+        """Take finished stages off, the oldest first, where there are many."""
+        finished = {task.id for task in self._bars.tasks if task.finished}
+        for stage, task in list(self._tasks.items()):
+            if len(self._tasks) >= MOST_BARS and task in finished:
+                self._bars.remove_task(task)
+                del self._tasks[stage]
 
     def close(self) -> None:
         """Stop drawing; finished bars stay to be read."""

@@ -45,6 +45,25 @@ def test_time_left_goes_by_the_pace_since_the_first_report(clock: Clock) -> None
     assert left.seconds(Progress("render", 2, 3)) == pytest.approx(4)
 
 
+def test_stages_that_go_on_at_once_have_each_a_pace_of_its_own(clock: Clock) -> None:
+    left = TimeLeft()
+    for step in range(1, 5):
+        clock.now += 1
+        slow, fast = left.seconds(Progress("slow", step, 10)), left.seconds(Progress("fast", 2 * step, 10))
+    assert slow == pytest.approx(6)
+    assert fast == pytest.approx(1)
+    assert left.seconds(Progress("fast", 1, 10)) is None  # begun anew
+
+
+def test_stages_that_go_on_at_once_have_each_a_line(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = PlainLines()
+    for done in range(1, 21):
+        clock.now += 1
+        for stage in ("one", "two"):
+            lines.show(Progress(stage, done, 20))
+    assert capsys.readouterr().err.splitlines() == ["one 16/20, 4 s left", "two 16/20, 4 s left"]
+
+
 def test_json_lines_are_thinned_but_keep_the_ends_of_stages(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
     lines = JsonLines()
     for stage in ("a", "b"):
@@ -65,7 +84,7 @@ def test_a_log_file_gets_a_line_now_and_then(clock: Clock, capsys: pytest.Captur
         lines.show(Progress("train", done, 100, {"loss": 0.125}))
     found = capsys.readouterr().err.splitlines()
     assert 5 <= len(found) <= 7
-    assert found[0] == "train 15/100, 1 min 25 s left  loss 0.125"
+    assert found[0] == "train 16/100, 1 min 24 s left  loss 0.125"
 
 
 def test_the_bar_names_the_stage_its_time_and_its_figures(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -94,3 +113,16 @@ def test_table_aligns_names_left_and_figures_right() -> None:
     assert table(("section", "bytes"), [("Scale", "12"), ("Position", "3,456")]) == (
         "section   bytes\n--------  -----\nScale        12\nPosition  3,456"
     )
+
+
+def test_finished_bars_make_room_where_there_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    bar = Bar()
+    bar.show(Progress("lasting", 1, 2))
+    for job in range(40):
+        bar.show(Progress(f"job {job}", 1, 1))
+    shown = [task.description for task in bar._bars.tasks]
+    bar.close()
+    assert len(shown) <= waiting.MOST_BARS
+    assert {"lasting", "job 39"} <= set(shown)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.errors import DatasetError
+from sacha_core.evaluate.ablation.plan import Judging
 from sacha_core.evaluate.picture_metrics import PictureMetrics, Quality
 from sacha_core.evaluate.region_masks import RegionMasks
+from sacha_core.evaluate.splits import spread
 from sacha_core.evaluate.views import evaluation_motion
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import Poser
@@ -20,6 +22,7 @@ from sacha_core.raster.scene import render_avatar
 
 __all__ = ["judge_views"]
 
+SLOW = frozenset({"flip", "lpips"})  # ten times what drawing and all other metrics take
 HIGHEST_PSNR = 100.0  # decibels; 8 bits hide what is beyond some 60
 
 
@@ -28,7 +31,7 @@ def judge_views(
     head: HeadModel,
     capture: Capture,
     views: Sequence[View],
-    metrics: Collection[str],
+    judging: Judging,
     masks: RegionMasks,
     rasteriser: Rasteriser,
     report: Report = silent,
@@ -41,7 +44,7 @@ def judge_views(
         head: that they are bound to.
         capture: where the views are from.
         views: sorted by timestep.
-        metrics: which to measure, of `picture_metrics.METRICS`.
+        judging: which metrics to measure, and on how many of the views those that take long.
         masks: where each region shows.
         rasteriser: draws them.
         report: told after each view.
@@ -56,18 +59,34 @@ def judge_views(
     if not views:
         raise DatasetError(f"{capture.root} has no held-out views to {stage}")
     poses = [Poser(head, evaluation_motion(capture, avatar.motion)) for avatar in avatars]
-    measured = [PictureMetrics(metrics) for _ in avatars]
+    slow = SLOW & set(judging.metrics)
+    chosen = {id(view) for view in spread(views, judging.perceptual_images)} if slow else set[int]()
+    everywhere = [PictureMetrics() for _ in avatars]
+    somewhere = [PictureMetrics(slow) for _ in avatars]
     timestep, frames = -1, list[TriangleFrames]()
     for done, view in enumerate(views, 1):
         if view.timestep != timestep:
             timestep = view.timestep
             frames = [triangle_frames(pose(timestep), head.faces) for pose in poses]
         truth, shown = capture.image(view), masks.region_of_pixel(view)
-        for avatar, posed, metric in zip(avatars, frames, measured, strict=True):
+        for avatar, posed, *metrics in zip(avatars, frames, everywhere, somewhere, strict=True):
             drawn = render_avatar(avatar.gaussians, posed, view.camera, rasteriser=rasteriser).colour
-            metric.add(view, drawn, truth, shown)
+            for metric in metrics if id(view) in chosen else metrics[:1]:
+                metric.add(view, drawn, truth, shown)
         report(Progress(stage, done, len(views)))
-    return tuple(finite(metric.scores().quality) for metric in measured)
+    if not slow:
+        return tuple(finite(metric.scores().quality) for metric in everywhere)
+    both = zip(everywhere, somewhere, strict=True)
+    return tuple(finite(joined(fast.scores().quality, slow.scores().quality)) for fast, slow in both)
+
+
+def joined(fast: Quality, slow: Quality) -> Quality:
+    """Give the figures of all images, with those that take long from the few where they were measured."""
+    regions = {
+        name: replace(region, flip=slow.regions[name].flip) if name in slow.regions else region
+        for name, region in fast.regions.items()
+    }
+    return replace(fast, flip=slow.flip, lpips_vgg=slow.lpips_vgg, lpips_alex=slow.lpips_alex, regions=regions)
 
 
 def finite(quality: Quality) -> Quality:

@@ -46,7 +46,8 @@ class Judging:
     Args:
         levels: of the codec, each 1 to 4.
         images: at most so many of the held-out camera, and as many held-out expressions.
-        metrics: of the pictures.
+        metrics: of the pictures; PSNR and SSIM always come along.
+        perceptual_images: at most so many of the images, evenly spread, are also judged by FLIP and LPIPS, which take long.
 
     Raises:
         OptionError: there is no image, or no such level or metric.
@@ -55,11 +56,13 @@ class Judging:
     levels: tuple[int, ...] = (1, 2, 3, 4)
     images: int = FRAMES
     metrics: tuple[str, ...] = METRICS
+    perceptual_images: int = 25
 
     def __post_init__(self) -> None:
         """Refuse what cannot be done."""
-        if self.images < 1:
-            raise OptionError(f"{self.images} images to judge by were asked for, expected at least 1")
+        if min(self.images, self.perceptual_images) < 1:
+            fewer = min(self.images, self.perceptual_images)
+            raise OptionError(f"{fewer} images to judge by were asked for, expected at least 1")
         wrong = [level for level in self.levels if not 1 <= level <= 4]
         if wrong or len(set(self.levels)) < len(self.levels):
             raise OptionError(f"levels are {', '.join(map(str, self.levels))}, expected some of 1, 2, 3, 4")

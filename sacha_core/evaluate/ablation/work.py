@@ -152,7 +152,7 @@ def both_settings(
             raise DatasetError(f"{capture.root} has no held-out views to {stage}")
     avatars = [c.avatar for c in coded]
     view, expression = (
-        judge_views(avatars, head, capture, views, run.judging.metrics, masks, rasteriser, report, stage)
+        judge_views(avatars, head, capture, views, run.judging, masks, rasteriser, report, stage)
         for stage, views in settings.items()
     )
     return view, expression

@@ -1,0 +1,61 @@
+"""Variants as a command line names them."""
+
+from __future__ import annotations
+
+import pytest
+
+from sacha_core.errors import OptionError
+from sacha_core.evaluate.ablation.variants import variant_options
+from sacha_core.train.presets import VARIANTS, scaled
+
+
+def test_variants_are_the_trainers_own() -> None:
+    """Oracle: the presets."""
+    assert variant_options(VARIANTS, 3000) == {name: scaled(3000, name) for name in VARIANTS}
+
+
+def test_options_are_set_for_all_or_one() -> None:
+    """Oracle: by hand."""
+    settings = [
+        "sh_degree=1",
+        "less:pruning.ratio=0.1",
+        "less:schedule.opacity_resets=[50]",
+        "less:density.means=visible",
+        "width=64",
+        "height=64",
+    ]
+    found = variant_options(["sacha", "less=sacha"], 600, settings)
+    assert found["less"].pruning.ratio == 0.1
+    assert found["less"].schedule.opacity_resets == (50,)
+    assert found["less"].density.means == "visible"
+    assert found["less"].variant == "sacha"
+    assert (found["sacha"].sh_degree, found["sacha"].width) == (1, 64)
+    assert found["sacha"].pruning == scaled(600, "sacha").pruning
+
+
+@pytest.mark.parametrize(
+    ("names", "settings", "line"),
+    [
+        (["nonsense"], [], "variant 'nonsense' is unknown; expected one of "),
+        (["mine=nonsense"], [], "variant 'nonsense' is unknown; expected one of "),
+        (["sacha", "sacha"], [], "variant 'sacha' is there twice"),
+        (["sacha"], ["seed"], "setting 'seed' is not OPTION=VALUE or VARIANT:OPTION=VALUE"),
+        (["sacha"], ["=3"], "setting '=3' is not OPTION=VALUE or VARIANT:OPTION=VALUE"),
+        (["sacha"], ["rad:sh_degree=1"], "'rad:sh_degree=1' sets an option of 'rad'; expected one of sacha"),
+        (["sacha"], ["seed=3"], "option 'seed' is unknown; expected one of "),
+        (["sacha"], ["pruning=3"], "option 'pruning' is unknown; expected one of "),
+        (["sacha"], ["sh_degree=1.5"], "sh_degree is set to 1.5, expected a whole number"),
+        (["sacha"], ["sh_degree=true"], "sh_degree is set to true, expected a whole number"),
+        (["sacha"], ["fine_tune=1"], "fine_tune is set to 1, expected true or false"),
+        (["sacha"], ["pruning.ratio=much"], 'pruning.ratio is set to "much", expected a number'),
+        (["sacha"], ["pruning.scope=3"], "pruning.scope is set to 3, expected a word"),
+        (["sacha"], ["pruning.scope=some"], "options.pruning.scope is some, expected one of none, "),
+        (["sacha"], ["pruning.ratio=1.5"], "pruning.ratio is 1.5, expected above 0 and below 1"),
+        (["sacha"], ["pruning.ratio=null"], "pruning.ratio is set to null, expected a whole number"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(names: list[str], settings: list[str], line: str) -> None:
+    """Oracle: the message."""
+    with pytest.raises(OptionError) as error:
+        variant_options(names, 600, settings)
+    assert str(error.value).startswith(line)
