@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["PAGE_INCHES", "SMALL", "file_name", "new_figure", "picture", "tidy"]
+__all__ = ["MEDIUM", "PAGE_INCHES", "SMALL", "file_name", "new_figure", "picture", "tidy"]
 
 PAGE_INCHES = 11.0  # drawn at 100 dots an inch it fills the page
 SMALL, MEDIUM = 8.5, 10.0  # points

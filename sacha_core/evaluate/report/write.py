@@ -13,14 +13,17 @@ from sacha_core.evaluate.report import grids, pair_grids
 from sacha_core.evaluate.report.allocation_figure import draw_allocation
 from sacha_core.evaluate.report.comparisons import pairs
 from sacha_core.evaluate.report.content import Content, Picture, Section
+from sacha_core.evaluate.report.crop_figure import draw_crops
 from sacha_core.evaluate.report.curve_figure import draw_curves
 from sacha_core.evaluate.report.differences import difference_entries
 from sacha_core.evaluate.report.entry import Entry
 from sacha_core.evaluate.report.grid import Grid
+from sacha_core.evaluate.report.heat_figure import draw_heat_maps
 from sacha_core.evaluate.report.markdown import markdown_report
 from sacha_core.evaluate.report.own import own_entries
 from sacha_core.evaluate.report.page import html_report
 from sacha_core.evaluate.report.rates import rate_entries
+from sacha_core.evaluate.report.run_files import RunFiles
 from sacha_core.evaluate.report.runs import Runs
 from sacha_core.evaluate.report.step_figure import draw_steps
 from sacha_core.evaluate.report.store import write_csv, write_json
@@ -34,6 +37,8 @@ __all__ = ["ReportPaths", "write_report"]
 
 TITLE = "Where the Gaussians went, and what it bought"
 FIGURES = "figures"
+NO_MODELS = "There are no heat maps: none of the runs' models was found."
+NO_FILES = "There are no pictures close by: none of the runs' coded avatars was found."
 NO_HEADS = "There are no pictures of heads: the capture or the folder of the runs was not given."
 
 
@@ -142,10 +147,17 @@ def findings(runs: Runs, baseline: str, subject: Subject | None, folder: Path | 
         grids.region_count_grid(runs, own),
     )
     filled = tuple(table for table in tables if table.rows)
-    pictures = (draw_curves(runs, own), draw_steps(runs, rates), draw_allocation(runs, own))
-    drawn = tuple(one for one in pictures if one is not None)
-    remarks = remarks_of(runs) + (() if subject is not None and folder is not None else (NO_HEADS,))
-    return Findings(runs, (*own, *differences, *rates), outcomes, filled, drawn, remarks)
+    pictures = [draw_curves(runs, own), draw_steps(runs, rates), draw_allocation(runs, own)]
+    remarks = list(remarks_of(runs))
+    if subject is None or folder is None:
+        remarks.append(NO_HEADS)
+    else:
+        files = RunFiles(folder, subject)
+        heads = {NO_MODELS: draw_heat_maps(runs, files, baseline), NO_FILES: draw_crops(runs, files)}
+        pictures += heads.values()
+        remarks += [lacking for lacking, drawn in heads.items() if drawn is None]
+    shown = tuple(one for one in pictures if one is not None)
+    return Findings(runs, (*own, *differences, *rates), outcomes, filled, shown, tuple(remarks))
 
 
 def content_of(found: Sequence[Findings], conditions: Mapping[str, str]) -> Content:
