@@ -10,6 +10,8 @@ from typing import TypeVar
 import numpy as np
 from jaxtyping import Float
 
+from sacha_core.bench import reference
+
 __all__ = ["LEAST_ROUNDS", "Clock", "Times", "interleave"]
 
 K = TypeVar("K")
@@ -75,7 +77,7 @@ def interleave(
     least: int = LEAST_ROUNDS,
     clock: Clock | None = None,
 ) -> dict[K, Times]:
-    """Time every candidate once a round, beginning each round with another one.
+    """Time every candidate once a round, beginning each round with another one; before a round, the reference where it is due.
 
     Args:
         candidates: what to call, without arguments.
@@ -98,6 +100,7 @@ def interleave(
     for k in range(max(rounds, least)):
         if k >= least and clock.wall() - begun >= budget_s:
             break
+        reference.taken()
         first = k % max(len(names), 1)
         for name in names[first:] + names[:first]:
             wall, busy = clock.wall(), clock.busy()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sacha_core.bench.result import Bench, Column, Row, Table
+from sacha_core.bench.speeds import Speeds, compare_speeds
 from sacha_core.bench.store import Record
 
 __all__ = ["compare_runs", "comparison"]
@@ -18,51 +19,65 @@ SPREAD = ("_min_ms", "_q1_ms", "_q3_ms", "_busy_ms")  # of a time, not times of 
 def compare_runs(first: Mapping[str, Record], second: Mapping[str, Record]) -> list[Row]:
     """Set the rows that two runs have in common side by side.
 
-    Times agree where the ranges between the quartiles of both runs meet. Errors, bytes, PSNR do not depend on how fast the machine is, and
-    agree where they are the same number.
+    Times are taken relative to the machine's own speed in each run, where that is known, and agree where the ranges between the quartiles
+    of both runs then meet. Errors, bytes, PSNR do not depend on how fast the machine is, and agree where they are the same number.
 
     Args:
         first: benches by name.
         second: likewise.
 
     Returns:
-        A row for every time of every common row, with the ratios of medians, second over first; one for every other figure that differs.
+        A row for every bench, with the ratio of speeds and why its times cannot be compared, if so; one for every time of every common row,
+        with the ratios of medians, second over first; and one for every other figure that differs.
     """
     rows: list[Row] = []
     for name in first:
         if name not in second:
             continue
+        speeds = compare_speeds(first[name].machine, second[name].machine)
+        rows.append({"table": "speeds", "bench": name, **speeds._asdict()})
         for table in first[name].bench.tables:
             theirs = {_identity(table, row): row for row in second[name].bench.of(table)}
             for row in first[name].bench.of(table):
                 other = theirs.get(_identity(table, row))
                 if other is not None:
-                    rows += _compared({"bench": name, "part": table.name, "row": _named(table, row)}, table, row, other)
+                    about = {"bench": name, "part": table.name, "row": _named(table, row)}
+                    rows += _compared(about, table, row, other, speeds)
     return rows
 
 
 def comparison(rows: list[Row]) -> Bench:
     """Give what `compare_runs` found as tables: the times, those that disagree marked, and a summary."""
-    times, others = ([row for row in rows if (row["table"] == name)] for name in ("times", "figures"))
+    speeds, times, others = ([row for row in rows if row["table"] == name] for name in ("speeds", "times", "figures"))
     columns = (
         Column("bench", "bench"), Column("part", "table"), Column("row", "row"), Column("figure", "figure"),
         Column("first", "first"), Column("second", "second"),
     )  # fmt: skip
     identity = ("bench", "part", "row", "figure")
     tables = (
+        Table("speeds", "How much longer the reference took in the second run.",
+              (Column("bench", "bench"), Column("wall", "second / first", 2), Column("busy", "of processor time", 2),
+               Column("why_not", "why times cannot be compared")), ("bench",)),
         Table("times", "Medians of both runs, milliseconds.",
               (*columns, Column("ratio", "second / first", 2), Column("busy_ratio", "of processor time", 2),
-               Column("agree", "quartiles meet")), identity),
+               Column("relative", "by speed", 2), Column("busy_relative", "of processor time", 2), Column("agree", "quartiles meet")),
+              identity),
         Table("figures", "Figures that do not depend on speed, yet differ.", columns, identity),
     )  # fmt: skip
     notes = [f"{len(times)} times compared, {len(others)} other figures differ."]
     if times:
         apart = sum(row["agree"] is False for row in times)
         notes.append(
-            f"Second over first: {_spread('ratio', times)}; the quartiles of {apart} ({apart / len(times):.0%}) do not meet."
+            f"Second over first: {_spread('ratio', times)}; the quartiles of {apart} ({apart / len(times):.0%}) do not meet, "
+            "by speed where that is known."
         )
-        if busy := [row for row in times if row["busy_ratio"] is not None]:
-            notes.append(f"Of processor time: {_spread('busy_ratio', busy)}.")
+        for key, what in (
+            ("relative", "By the machine's speed"), ("busy_ratio", "Of processor time"), ("busy_relative", "Of processor time by speed"),
+        ):  # fmt: skip
+            if known := [row for row in times if row[key] is not None]:
+                notes.append(f"{what}: {_spread(key, known)}.")
+    if doubtful := [row["bench"] for row in speeds if row["why_not"]]:
+        notes.append(f"Times that cannot be compared: those of {', '.join(doubtful)}; the table of speeds says why.")
     return Bench(rows, tables, (), tuple(notes))
 
 
@@ -80,15 +95,19 @@ def _named(table: Table, row: Row) -> str:
     return ", ".join(f"{key} {row[key]}" for key in table.identity if row.get(key) is not None)
 
 
-def _compared(about: Row, table: Table, row: Row, other: Row) -> list[Row]:
+def _compared(about: Row, table: Table, row: Row, other: Row, speeds: Speeds) -> list[Row]:
     """Give one row for each time, and one for each other figure that differs."""
     found: list[Row] = []
     for key, value in row.items():
         pair = {**about, "figure": key, "first": value, "second": other.get(key)}
         if key.endswith("_ms") and not key.endswith(SPREAD):
             if value and other.get(key):
-                ratios = {"ratio": other[key] / value, "busy_ratio": _busy_ratio(key, row, other)}
-                found.append({"table": "times", **pair, **ratios, "agree": _meet(key, row, other)})
+                ratio, busy = other[key] / value, _busy_ratio(key, row, other)
+                ratios = {
+                    "ratio": ratio, "busy_ratio": busy, "relative": speeds.wall and ratio / speeds.wall,
+                    "busy_relative": busy and speeds.busy and busy / speeds.busy,
+                }  # fmt: skip
+                found.append({"table": "times", **pair, **ratios, "agree": _meet(key, row, other, speeds.wall or 1.0)})
         elif not _is_timing(key) and key not in table.identity and value != other.get(key):
             found.append({"table": "figures", **pair})
     return found
@@ -100,13 +119,13 @@ def _busy_ratio(key: str, row: Row, other: Row) -> float | None:
     return other[busy] / row[busy] if row.get(busy) and other.get(busy) else None
 
 
-def _meet(key: str, row: Row, other: Row) -> bool | None:
-    """Tell whether the ranges between the quartiles of two times meet; None where there are no quartiles."""
+def _meet(key: str, row: Row, other: Row, slower: float) -> bool | None:
+    """Tell whether the ranges between the quartiles of two times meet, the other machine being so much slower; None without quartiles."""
     stem = key.removesuffix("_ms")
     low, high = f"{stem}_q1_ms", f"{stem}_q3_ms"
     if not all(end in one for end in (low, high) for one in (row, other)):
         return None
-    return bool(row[low] <= other[high] and other[low] <= row[high])
+    return bool(row[low] * slower <= other[high] and other[low] <= row[high] * slower)
 
 
 def _is_timing(key: str) -> bool:

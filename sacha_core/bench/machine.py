@@ -8,7 +8,7 @@ import platform
 from pathlib import Path
 from typing import Any
 
-__all__ = ["describe", "sentence"]
+__all__ = ["describe", "sentence", "speed_sentence"]
 
 PACKAGES = ("numpy", "numba", "torch", "gsplat")
 CPUINFO = Path("/proc/cpuinfo")
@@ -41,6 +41,18 @@ def sentence(machine: dict[str, Any]) -> str:
         + f"; {machine['system']}; Python {machine['python']}, {packages}"
         + (f"; load average {load} at the start" if load is not None else "")
     )  # fmt: skip
+
+
+def speed_sentence(machine: dict[str, Any]) -> str:
+    """Say how fast the machine was while a bench ran (`sacha_core.bench.reference`); nothing where that was not recorded."""
+    speed = machine.get("reference")
+    if not speed:
+        return ""
+    parts = " and ".join(
+        f"{speed[f'{part}_ms']:.2f} ms ({speed[f'{part}_low_ms']:.2f} to {speed[f'{part}_high_ms']:.2f}) of {what}"
+        for part, what in (("compute", "arithmetic"), ("memory", "copying"))
+    )
+    return f"Speed of the machine meanwhile: the reference took {parts}."
 
 
 def processor() -> str:

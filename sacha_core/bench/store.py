@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sacha_core.bench.machine import sentence
+from sacha_core.bench.machine import sentence, speed_sentence
 from sacha_core.bench.plot import draw
 from sacha_core.bench.registry import BENCHES
 from sacha_core.bench.result import Bench
@@ -70,7 +70,7 @@ def section(record: Record, picture: str | None = None) -> str:
     parts += [markdown(table, bench.of(table)) for table in bench.tables if bench.of(table)]
     if picture is not None:
         parts.append(f"![{record.title}]({picture})\n")
-    parts += [f"- {note}" for note in bench.notes]
+    parts += [f"- {note}" for note in (*bench.notes, speed_sentence(record.machine)) if note]
     return "\n".join(parts).rstrip() + "\n"
 
 

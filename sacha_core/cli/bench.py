@@ -155,12 +155,15 @@ def run_one(name: str, chosen: Preset, console: Console) -> Record:
         SachaError: it cannot run here.
     """
     from sacha_core.bench.machine import describe
+    from sacha_core.bench.reference import watched
     from sacha_core.bench.registry import load
     from sacha_core.bench.store import Record
 
     bench, machine = load(name), describe()
     begun = time.perf_counter()
-    found = bench.measure(chosen, console.report)
+    with watched() as reference:
+        found = bench.measure(chosen, console.report)
+    machine["reference"] = reference.row()
     return Record(name, bench.TITLE, chosen.extent, round(time.perf_counter() - begun, 1), machine, found)
 
 
