@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from sacha_core.cli.common import Common, HeadSource, MaybeInt, MaybeText
-from sacha_core.cli.console import Console, table
+from sacha_core.cli.console import Console
 from sacha_core.errors import OptionError
 
 if TYPE_CHECKING:
-    from sacha_core.evaluate.ablation.ablate import Ablated
     from sacha_core.evaluate.ablation.plan import Judging, PlannedRun
-    from sacha_core.evaluate.ablation.result import Point, RunResult
     from sacha_core.evaluate.executors.jobs import Executor
 
 __all__ = ["Options", "run"]
@@ -27,7 +25,6 @@ ITERATIONS, QUICK_ITERATIONS = 6000, 3000
 SEEDS, QUICK_SEEDS = 3, 1
 IMAGES, QUICK_IMAGES = 100, 40
 PERCEPTUAL_IMAGES, QUICK_PERCEPTUAL_IMAGES = 25, 10
-SHOWN_LEVEL = 2  # in the table at the end; the report has all
 
 
 @dataclass(frozen=True)
@@ -122,6 +119,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         SachaError: a capture, an option or a result makes no sense, or the runs that are there are others.
         OSError: a file cannot be read or written.
     """
+    from sacha_core.cli.ablate_report import make_report, note_conditions, tell
     from sacha_core.cli.program import require_there
     from sacha_core.evaluate.ablation.ablate import Ablated, ablate
     from sacha_core.evaluate.ablation.ledger import read_results
@@ -144,8 +142,10 @@ def run(options: Options, console: Console) -> dict[str, Any]:
             f"ablation     {len(runs)} runs of {runs[0].options.schedule.iterations:,} iterations: "
             f"datasets {counts[0]}, variants {counts[1]}, seeds {counts[2]}"
         )
+        note_conditions(options.output, runs, sys.argv)
         done = ablate(runs, executor, console.report, options.restart)
-    return tell(options, console, done, None)
+    report = make_report(options.output, done.results, console) if done.results else None
+    return tell(options.output, done, report, console)
 
 
 def plan(options: Options) -> tuple[PlannedRun, ...]:
@@ -206,60 +206,3 @@ def executor_of(where: Where) -> Executor:
     if where.jobs is not None:
         raise OptionError("--jobs is for this machine; a Ray cluster decides by itself how many run at once")
     return RayCluster(where.ray, where.threads)
-
-
-def tell(options: Options, console: Console, done: Ablated, report: Path | None) -> dict[str, Any]:
-    """Say what came out."""
-    if done.kept:
-        console.say(f"kept         {done.kept} results that were there already")
-    console.say()
-    console.say(summary(done.results))
-    for outcome in done.failures:
-        console.say(f"failed       {outcome.name}: {outcome.error}")
-    if report is not None:
-        console.wrote("report", report)
-    return {
-        "folder": options.output,
-        "report": report,
-        "results": [result.to_json() for result in done.results],
-        "broken": [f"{outcome.name}: {outcome.error}" for outcome in done.failures],
-    }
-
-
-def summary(results: Sequence[RunResult]) -> str:
-    """Give a line for each variant of each capture: means over seeds, uncompressed and at level 2 or the nearest."""
-    rows = []
-    groups: dict[tuple[str, str], list[RunResult]] = {}
-    for result in results:
-        groups.setdefault((result.dataset, result.variant), []).append(result)
-    for (dataset, variant), group in groups.items():
-        point = [nearest(result, SHOWN_LEVEL) for result in group]
-        cells = (
-            f"{mean([r.n for r in group]):,.0f}",
-            f"{mean([r.n_visible for r in group]):,.0f}",
-            f"{mean([p.bytes.gaussians for p in point]) / 1000:,.1f} KB",
-            f"{mean([p.novel_view.psnr for p in point]):.2f} dB",
-            f"{mean([p.novel_expression.psnr for p in point]):.2f} dB",
-        )
-        rows.append((dataset, variant, str(len(group)), *cells))
-    titles = (
-        "dataset",
-        "variant",
-        "seeds",
-        "Gaussians",
-        "that show",
-        f"level {SHOWN_LEVEL}",
-        "view PSNR",
-        "expression PSNR",
-    )
-    return table(titles, rows, words=(0, 1))
-
-
-def nearest(result: RunResult, level: int) -> Point:
-    """Give the point whose level is nearest."""
-    return min(result.points, key=lambda point: (point.level == 0, abs(point.level - level)))
-
-
-def mean(values: Sequence[float]) -> float:
-    """Give the mean."""
-    return sum(values) / len(values)
