@@ -14,7 +14,7 @@ from sacha_core.raster.binning import Binner, Bins
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.kernels.blend import BLEND_SCRATCH, blend
 from sacha_core.raster.kernels.blend_backward import BACKWARD_SCRATCH, blend_backward
-from sacha_core.raster.kernels.blend_removal import IMAGES, REMOVAL_SCRATCH, blend_removal
+from sacha_core.raster.kernels.blend_removal import IMAGES, KINDS, REMOVAL_SCRATCH, blend_removal
 from sacha_core.raster.kernels.blend_weights import blend_weights
 from sacha_core.raster.kernels.layout import RECORD
 from sacha_core.raster.kernels.project_backward import GATHER_SCRATCH, gather_weights, project_backward
@@ -223,7 +223,7 @@ class Rasteriser:
         weights = self._checked(frame, pixel_weights, (len(pixel_weights), *size))
         bins, ranges, scratch = frame.bins, frame.bins.ranges, self._scratch()
         sums = self._entry_sums(bins)
-        result = np.zeros((3, len(frame.splats), len(weights)))
+        result = np.zeros((KINDS, len(frame.splats), len(weights)))
         for first in range(0, len(weights), IMAGES):
             part = weights[first : first + IMAGES]
             group = np.concatenate([part, np.zeros((IMAGES - len(part), *size), np.float32)]).ravel()
@@ -236,7 +236,7 @@ class Rasteriser:
                 )  # fmt: skip
 
             self._pool.run(job, len(ranges) - 1)
-            gathered = np.zeros((len(frame.splats), 3 * IMAGES))
+            gathered = np.zeros((len(frame.splats), KINDS * IMAGES))
             gather_weights(0, len(gathered), bins.span.ravel(), sums, gathered)
             for kind, values in enumerate(result):
                 values[:, first : first + IMAGES] = gathered[:, kind * IMAGES : kind * IMAGES + len(part)]

@@ -19,11 +19,13 @@ class RemovalChanges:
     Args:
         squared: (n, m) of the squared difference from the truth; negative where the picture is better without.
         absolute: (n, m) of the absolute difference from the truth; likewise.
-        own: (n, m) of the squared difference from the picture as it is; never negative, and what needs no truth.
+        own_squared: (n, m) of the squared difference from the picture as it is; never negative, and what needs no truth.
+        own_absolute: (n, m) of the absolute difference from the picture as it is; likewise.
 
     Source: own.
     """
 
     squared: Float[np.ndarray, "n m"]
     absolute: Float[np.ndarray, "n m"]
-    own: Float[np.ndarray, "n m"]
+    own_squared: Float[np.ndarray, "n m"]
+    own_absolute: Float[np.ndarray, "n m"]

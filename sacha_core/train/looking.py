@@ -20,7 +20,7 @@ from sacha_core.train.views import Target
 __all__ = ["REMOVALS", "Looker"]
 
 UNIT = np.float32(1 / 255)
-REMOVALS = 6  # numbers of a Gaussian: squared, absolute and own change, each plain and by reference sensitivity
+REMOVALS = 8  # numbers of a Gaussian: changes of four kinds, each plain and by reference sensitivity
 
 
 class Looker:
@@ -49,13 +49,13 @@ class Looker:
             weights += self._rasteriser.colour_weights(drawing.frame, pixel_weights(target, drawing))
         return weights
 
-    def removals(self, state: TrainState, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 6"]:
+    def removals(self, state: TrainState, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 8"]:
         """See `sacha_core.train.engine.Engine.removals`."""
         changes = np.zeros((len(state), REMOVALS))
         for target, drawing in self._drawings(state, targets, degree):
             images = truth(target, drawing), pixel_weights(target, drawing)
             found = self._rasteriser.removal_changes(drawing.frame, *images)
-            changes += np.concatenate([found.squared, found.absolute, found.own], axis=1)
+            changes += np.concatenate([found.squared, found.absolute, found.own_squared, found.own_absolute], axis=1)
         return changes
 
     def errors(self, state: TrainState, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:

@@ -20,7 +20,7 @@ BAND = 1e-4  # relative distance from a threshold within which float32 may decid
 # roundings, and up to 100 times as much in the few pixels where nearly all light is held back
 SUMS = 2e-5
 LEFT_OUT = 0.01  # of the largest; such light is a hundredth of a pixel's at most
-KINDS = ("squared", "absolute", "own")
+KINDS = ("squared", "absolute", "own_squared", "own_absolute")
 UPRIGHT = np.array([1, 0, 0, 0], np.float32)
 
 
@@ -57,13 +57,14 @@ def compared(rasteriser: Rasteriser, splats: Splats, view: Camera, background, c
     calm = np.min([picture.band for picture in (whole, *fewer)], axis=0) > BAND
     assert calm.mean() > 0.8
     weights *= calm
-    before, expected = whole.image.numpy()[:compared_channels], np.zeros((3, len(which), 2))
+    before, expected = whole.image.numpy()[:compared_channels], np.zeros((4, len(which), 2))
     for place, picture in enumerate(fewer):
         after = picture.image.numpy()[:compared_channels]
         changes = (
             (after - truth) ** 2 - (before - truth) ** 2,
             abs(after - truth) - abs(before - truth),
             (after - before) ** 2,
+            abs(after - before),
         )
         expected[:, place] = np.einsum("kchw,mhw->km", changes, weights)
     found = as_array(rasteriser.removal_changes(frame, truth, weights))
@@ -169,11 +170,16 @@ def test_no_gaussian_and_one(rasteriser, n) -> None:
     frame = rasteriser.forward(splats, view, background)
     truth = np.broadcast_to(np.float32(background)[:, None, None], frame.image.shape)
     changes = rasteriser.removal_changes(frame, truth, np.ones((1, 20, 20)))
-    assert changes.own.shape == (n, 1)
+    assert changes.own_squared.shape == (n, 1)
     difference = frame.image.astype(np.float64) - truth
-    for kind, expected in {"squared": -(difference**2), "absolute": -abs(difference), "own": difference**2}.items():
+    for kind, expected in {
+        "squared": -(difference**2),
+        "absolute": -abs(difference),
+        "own_squared": difference**2,
+        "own_absolute": abs(difference),
+    }.items():
         assert getattr(changes, kind).sum() == pytest.approx(expected.sum(), rel=1e-5), kind
-    assert (n == 0) == (changes.own.sum() == 0)
+    assert (n == 0) == (changes.own_squared.sum() == 0)
 
 
 def test_against_itself_a_picture_only_gets_worse(rasteriser) -> None:
@@ -181,9 +187,11 @@ def test_against_itself_a_picture_only_gets_worse(rasteriser) -> None:
     frame = rasteriser.forward(splats, view, np.ones(4))
     weights = images(view, 4)[1]
     changes = rasteriser.removal_changes(frame, frame.image.copy(), weights)
-    assert np.array_equal(changes.squared, changes.own)
-    assert (changes.absolute >= 0).all()
-    assert (changes.own[:, 1] <= changes.own[:, 0]).all()
+    assert np.array_equal(changes.squared, changes.own_squared)
+    assert np.array_equal(changes.absolute, changes.own_absolute)
+    for own in (changes.own_squared, changes.own_absolute):
+        assert (own[:, 1] >= 0).all()
+        assert (own[:, 1] <= own[:, 0]).all()
 
 
 def test_each_image_of_weights_is_by_itself(rasteriser) -> None:

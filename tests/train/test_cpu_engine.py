@@ -201,7 +201,7 @@ def test_removals_are_what_the_loss_grows_by(scene) -> None:
     outcome = judged(engine, state, target)
     changes = engine.removals([target], DEGREE)
     assert all(np.array_equal(outcome.gradients[name], gradient) for name, gradient in engine.gradients().items())
-    assert changes.shape == (len(state), 6)
+    assert changes.shape == (len(state), 8)
     assert np.abs(changes[:, 2]).max() > 100 * GROWTH * target.image.size
     rows = [*np.argsort(-np.abs(changes[:, 2]))[:8].tolist(), int(np.argmin(changes[:, 2]))]
     for row in rows:

@@ -62,7 +62,8 @@ from sacha_core.raster.kernels.layout import (
 
 F = np.float32
 IMAGES = 2  # of pixel weights
-PARTS = 3 * IMAGES  # sums of an entry: squared, absolute and own change, with either image of weights
+KINDS = 4  # of change: of the squared and the absolute error, and of the picture itself, squared and absolute
+PARTS = KINDS * IMAGES  # sums of an entry: each kind with either image of weights
 CLOSING = F(1.01) * TRANSMITTANCE_MIN / (F(1) - ALPHA_MAX)  # a pixel that shows more of the background has not closed
 # planes of the scratch: what lies behind, the error, what the closing Gaussian would add, each of up to four channels; the transmittance
 # that closed the pixel, 0 where it is open; pixel weights; then the sums of each entry, lane by lane
@@ -146,16 +147,18 @@ def remove_vector(word, vector, y, channels, scratch):
         share = select(open_, weight / run, zeros())  # alpha / (1 - alpha)
         more = splat(F(1)) + share
         opened = select(more * closed > splat(TRANSMITTANCE_MIN), more, zeros())
-        own, squared, change_of_absolute = zeros(), zeros(), zeros()
+        squared, change_of_absolute, own_squared, own_absolute = zeros(), zeros(), zeros(), zeros()
         for channel in range(channels):
             change, error = removal(channel, weight, share, opened, pixel, colour, scratch)
-            own = fma(change, change, own)
+            own_squared = fma(change, change, own_squared)
+            own_absolute = own_absolute + absolute(change)
             squared = fma(change, error, squared)
             change_of_absolute = change_of_absolute + (absolute(error + change) - absolute(error))
-        squared = fma(splat(F(2)), squared, own)
+        squared = fma(splat(F(2)), squared, own_squared)
         add(scratch, at, squared, plain, second)
         add(scratch, at + IMAGES * LANES, change_of_absolute, plain, second)
-        add(scratch, at + 2 * IMAGES * LANES, own, plain, second)
+        add(scratch, at + 2 * IMAGES * LANES, own_squared, plain, second)
+        add(scratch, at + 3 * IMAGES * LANES, own_absolute, plain, second)
     store(scratch, RUN + pixel, maximum(run, splat(FADED)))
 
 
@@ -190,6 +193,8 @@ def remove_each(entry, end, entries, records, x_tile, y_lanes, y_tile, channels,
                 load(scratch, at + 3 * LANES),
                 load(scratch, at + 4 * LANES),
                 load(scratch, at + 5 * LANES),
+                load(scratch, at + 6 * LANES),
+                load(scratch, at + 7 * LANES),
             )
             store(entry_sums, (entries[entry + k] >> TOP_SHIFT) * RECORD, sums(parts))
         entry += count
@@ -225,7 +230,7 @@ def blend_removal(
         background: tuple of as many channels as are compared, the first ones of the image.
         truth: (c, h, w) what the image should be, flat.
         pixel_weights: (2, h, w), flat.
-        entry_sums: (keys, 16) result, flat: squared, absolute, and squared of the picture against itself, by either weight.
+        entry_sums: (keys, 16) result, flat: of the error, then of the picture itself, squared and absolute, by either weight.
         scratch: (REMOVAL_SCRATCH,) aligned space.
     """
     channels, columns = len(background), len(x_lanes) // LANES
