@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from sacha_core.cli.common import Common, HeadSource, ImageSize, require_both_sides, require_size
 from sacha_core.cli.console import Console, table
 from sacha_core.errors import OptionError
+
+if TYPE_CHECKING:
+    from sacha_core.evaluate.picture_metrics import ViewScores
 
 __all__ = ["INPUTS", "Options", "run"]
 
@@ -22,7 +26,7 @@ class Options:
     """Judge an avatar on the held-out camera and the held-out expressions of its capture.
 
     The avatar moves by its own motion (of a .sacha file, the decoded one); timesteps beyond its end are driven by the capture's tracked
-    parameters. PSNR and SSIM are means over the images.
+    parameters. Figures are means over the images; within regions, over all pixels that show the region.
     """
 
     avatar: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="AVATAR")]
@@ -33,6 +37,12 @@ class Options:
 
     images: int = 100
     """At most so many images for each of the two, evenly spread."""
+
+    metrics: tuple[Literal["psnr", "ssim", "flip", "lpips"], ...] = ("psnr", "ssim")
+    """What to measure. flip: how visible the difference is, 0 to 1; lpips: in the features of VGG and AlexNet, where weights are found."""
+
+    regions: bool = False
+    """Also PSNR, and FLIP if asked for, within each region of the head."""
 
     head: HeadSource = field(default_factory=HeadSource)
     size: ImageSize = field(default_factory=ImageSize)
@@ -47,6 +57,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         OSError: a file cannot be read.
     """
     from sacha_core.cli.sources import open_avatar
+    from sacha_core.evaluate.region_masks import RegionMasks
     from sacha_core.evaluate.views import evaluate_avatar
     from sacha_core.interchange.capture import read_capture
 
@@ -65,17 +76,60 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         options.size.height,
         options.images,
         console.report,
+        metrics=options.metrics,
+        masks=RegionMasks(capture, opened.head) if options.regions else None,
     )
     both = {"novel view": found.novel_view, "novel expression": found.novel_expression}
-    rows = [
-        (name, str(len(scores.images)), f"{scores.psnr:.2f} dB", f"{scores.ssim:.4f}") for name, scores in both.items()
-    ]
     console.say(f"{options.avatar}: {len(opened.avatar.gaussians):,} Gaussians\n")
-    console.say(table(("", "images", "PSNR", "SSIM"), rows))
+    console.say(overall_table(both, options.metrics))
+    if options.regions:
+        console.say("\n" + regions_table(both, "flip" in options.metrics))
+    without = missing_metrics(options.metrics)
+    if without:
+        console.say("\n" + "\n".join(dict.fromkeys(without.values())))
     return {
         "avatar": options.avatar,
         "dataset": capture.root,
         "n_gaussians": len(opened.avatar.gaussians),
         "novel_view": found.novel_view.to_json(),
         "novel_expression": found.novel_expression.to_json(),
+        "not_measured": without,
     }
+
+
+def overall_table(scores: Mapping[str, ViewScores], metrics: Collection[str]) -> str:
+    """Set the means over all images; LPIPS that could not be measured is a dash."""
+    columns = [("PSNR", "psnr", "{:.2f} dB")]
+    columns += [("SSIM", "ssim", "{:.4f}")] if "ssim" in metrics else []
+    columns += [("FLIP", "flip", "{:.4f}")] if "flip" in metrics else []
+    if "lpips" in metrics:
+        columns += [("LPIPS VGG", "lpips_vgg", "{:.4f}"), ("LPIPS Alex", "lpips_alex", "{:.4f}")]
+    rows = [
+        (name, str(len(found.images)), *(figure(form, getattr(found.quality, field)) for _, field, form in columns))
+        for name, found in scores.items()
+    ]
+    return table(("", "images", *(title for title, _, _ in columns)), rows)
+
+
+def regions_table(scores: Mapping[str, ViewScores], with_flip: bool) -> str:
+    """Set every region's figures in each setting."""
+    head, rows = ["region"], [[name] for name in next(iter(scores.values())).regions]
+    for setting, found in scores.items():
+        head += [f"{setting}: pixels", "PSNR", *(["FLIP"] if with_flip else [])]
+        for row, region in zip(rows, found.regions.values(), strict=True):
+            row.extend([f"{region.pixels:,}", figure("{:.2f} dB", region.psnr)])
+            row.extend([figure("{:.4f}", region.flip)] if with_flip else [])
+    return table(head, rows)
+
+
+def figure(form: str, value: float | None) -> str:
+    """Write a figure, or a dash where there is none."""
+    return "-" if value is None else form.format(value)
+
+
+def missing_metrics(metrics: Collection[str]) -> dict[str, str]:
+    """Say of each metric that was asked for and cannot be measured here what it needs."""
+    from sacha_core.evaluate.lpips import NETWORKS, missing
+
+    texts = {f"lpips_{name}": missing(name) for name in NETWORKS} if "lpips" in metrics else {}
+    return {name: text for name, text in texts.items() if text}
