@@ -21,7 +21,10 @@ from sacha_core.train.views import Target
 __all__ = ["PASSES", "SeenWeights", "importance", "look", "spreads"]
 
 # what scores need of the views of one timestep besides blending weights: (n, ...) float64, to be summed over views
-PASSES: dict[str, Callable[[Engine, Sequence[Target], int], Float[np.ndarray, "n ..."]]] = {}
+PASSES: dict[str, Callable[[Engine, Sequence[Target], int], Float[np.ndarray, "n ..."]]] = {
+    "removal": lambda engine, targets, degree: engine.removals(targets, degree),
+    "errors": lambda engine, targets, degree: engine.errors(targets, degree),
+}
 
 
 @dataclass(frozen=True)

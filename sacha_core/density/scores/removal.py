@@ -1,4 +1,4 @@
-"""MRS, the removal score: what the error of the pictures grows by when one Gaussian is removed."""
+"""MRS, the removal score: what pictures change by when one Gaussian is removed."""
 
 from __future__ import annotations
 
@@ -15,14 +15,18 @@ def removal_score(
     pixel_factor: float = 0.0,
     gaussian_factor: float = 0.0,
 ) -> Float[np.ndarray, " n"]:
-    """Score Gaussians by what removing each alone would cost.
+    r"""Score Gaussians by what removing each alone would change.
 
-    A blending weight tells how much of a picture is a Gaussian's; this tells how much of it would be missed. A Gaussian before others of
-    its own colour has a large weight and little worth. Of several that stand in for one another each is worth little, though not all
-    together: remove a part, let the others learn, and measure again.
+    A blending weight tells how much of a picture is a Gaussian's; this tells how much of it would be missed: the weight times how far its
+    colour is from that of what lies behind, which would be seen in its stead. A Gaussian before others of its own colour has a large weight
+    and little worth.
+
+    The change should be that of the picture itself, $\sum_p |d_{ip}|$: what changes when several go is at most the sum of what changes when
+    each goes alone, to first order. The change of the error against the truth is no such bound, and ranks badly: each Gaussian is judged by
+    the same residual, a third of them are better away alone, and taking many of those away over-corrects it.
 
     Args:
-        change: (n,) growth of an error summed over pixels and views, of any of the kinds that `Engine.removals` gives.
+        change: (n,) summed over pixels and views, of any of the kinds that `Engine.removals` gives.
         sensitive_change: (n,) the same sum with each pixel weighted by its reference sensitivity.
         sensitivity: (n,) learnt, in (0, 1).
         pixel_factor: how much a sensitive pixel counts beyond an ordinary one (lambda_S).

@@ -10,8 +10,11 @@ from jaxtyping import Float
 
 from sacha_core.density.scores.light_gaussian import light_gaussian_score
 from sacha_core.density.scores.perceptual import perceptual_score
+from sacha_core.density.scores.removal import removal_score
 
 __all__ = ["KNOWN_SCORES", "Evidence", "Score"]
+
+ERROR_SQUARED, OWN_SQUARED, OWN_ABSOLUTE = 0, 2, 3  # kinds of change that the pass `removal` sums, in its order
 
 
 @dataclass(frozen=True)
@@ -57,4 +60,22 @@ def _light_gaussian(found: Evidence) -> Float[np.ndarray, " n"]:
     return light_gaussian_score(found.sums["weights"][:, 0], found.scales)
 
 
-KNOWN_SCORES = {"pis": Score(_perceptual), "lgs": Score(_light_gaussian)}
+def _removal(kind: int, perceptual: bool) -> Score:
+    """Make a removal score of one of the kinds of change that the pass `removal` sums, (n, 8), with or without perception's factors."""
+
+    def of(found: Evidence) -> Float[np.ndarray, " n"]:
+        plain, sensitive = found.sums["removal"][:, 2 * kind : 2 * kind + 2].T
+        factors = (found.pixel_factor, found.gaussian_factor) if perceptual else (0.0, 0.0)
+        return removal_score(plain, sensitive, found.sensitivity, *factors)
+
+    return Score(of, ("removal",))
+
+
+KNOWN_SCORES = {
+    "pis": Score(_perceptual),
+    "lgs": Score(_light_gaussian),
+    "removal": _removal(OWN_ABSOLUTE, perceptual=True),
+    "removal-plain": _removal(OWN_ABSOLUTE, perceptual=False),
+    "removal-squared": _removal(OWN_SQUARED, perceptual=False),
+    "removal-error": _removal(ERROR_SQUARED, perceptual=False),  # a control: it fails, see `removal_score`
+}
