@@ -73,12 +73,12 @@ class LpipsNetwork:
     def __init__(self, network: str, weights: Path) -> None:
         import torch  # noqa: PLC0415 - only where LPIPS is asked for
 
-        try:
-            import lpips  # noqa: PLC0415
-        except RuntimeError as error:  # as where one of both is built for a GPU and the other is not
-            raise FormatError(f"LPIPS: torchvision does not fit the installed torch: {error}") from error
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the package calls torchvision by an older convention
+            try:
+                import lpips  # noqa: PLC0415
+            except RuntimeError as error:  # as where one of both is built for a GPU and the other is not
+                raise FormatError(f"LPIPS: torchvision does not fit the installed torch: {error}") from error
             self._model: Any = lpips.LPIPS(net=network, pnet_rand=True, verbose=False)
         self._torch = torch
         backbone = self._model.net
