@@ -14,7 +14,7 @@ from sacha_core.density.scores.removal import removal_score
 
 __all__ = ["KNOWN_SCORES", "Evidence", "Score"]
 
-ERROR_SQUARED, OWN_SQUARED, OWN_ABSOLUTE = 0, 2, 3  # kinds of change that the pass `removal` sums, in its order
+OWN_SQUARED, OWN_ABSOLUTE = 2, 3  # kinds of change that the pass `removal` sums, in its order
 
 
 @dataclass(frozen=True)
@@ -60,13 +60,12 @@ def _light_gaussian(found: Evidence) -> Float[np.ndarray, " n"]:
     return light_gaussian_score(found.sums["weights"][:, 0], found.scales)
 
 
-def _removal(kind: int, perceptual: bool) -> Score:
-    """Make a removal score of one of the kinds of change that the pass `removal` sums, (n, 8), with or without perception's factors."""
+def _removal(kind: int) -> Score:
+    """Make a removal score of one of the kinds of change that the pass `removal` sums."""
 
     def of(found: Evidence) -> Float[np.ndarray, " n"]:
         plain, sensitive = found.sums["removal"][:, 2 * kind : 2 * kind + 2].T
-        factors = (found.pixel_factor, found.gaussian_factor) if perceptual else (0.0, 0.0)
-        return removal_score(plain, sensitive, found.sensitivity, *factors)
+        return removal_score(plain, sensitive, found.sensitivity, found.pixel_factor, found.gaussian_factor)
 
     return Score(of, ("removal",))
 
@@ -74,8 +73,6 @@ def _removal(kind: int, perceptual: bool) -> Score:
 KNOWN_SCORES = {
     "pis": Score(_perceptual),
     "lgs": Score(_light_gaussian),
-    "removal": _removal(OWN_ABSOLUTE, perceptual=True),
-    "removal-plain": _removal(OWN_ABSOLUTE, perceptual=False),
-    "removal-squared": _removal(OWN_SQUARED, perceptual=False),
-    "removal-error": _removal(ERROR_SQUARED, perceptual=False),  # a control: it fails, see `removal_score`
+    "removal": _removal(OWN_SQUARED),
+    "removal-absolute": _removal(OWN_ABSOLUTE),
 }
