@@ -99,6 +99,10 @@ def _run(name: str, arguments: list[str]) -> int:
     import tyro
 
     module = _load(name)
+    for flag, of in getattr(module, "LISTS", {}).items():
+        if flag in arguments:
+            sys.stdout.write(getattr(module, of)() + "\n")
+            return 0
     with _wrong_usage_on_one_line(f"sacha {name}"):
         options = tyro.cli(
             module.Options,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["INPUTS", "Options", "run"]
 
 INPUTS = ("dataset",)
+LISTS = {"--list-options": "list_options"}  # flags by which the command prints something and does nothing
 
 Variant = Literal[
     "ga", "default", "default-seen", "rad", "rad-gp-lgs", "rad-gp-pis", "default-gp-pis", "paper", "sacha",
@@ -76,6 +78,9 @@ class Options:
 
     cameras_per_step: Annotated[int, tyro.conf.arg(metavar="N")] = 1
     """How many views of one timestep a step learns from at once, at most."""
+
+    set_: Annotated[tuple[str, ...], tyro.conf.arg(name="set", metavar="OPTION=VALUE...", help_behavior_hint="")] = ()
+    """Change any option by its name: pruning.ratio=0.3 density.means=visible. `sacha train --list-options` tells all."""
 
     timings: bool = False
     """Tell at the end where an iteration's time went."""
@@ -164,10 +169,11 @@ def train_options(options: Options) -> TrainOptions:
     """Give the options of the run that was asked for.
 
     Raises:
-        OptionError: --iterations and --preset contradict each other, or a number is out of range.
+        OptionError: --iterations and --preset contradict each other, a setting makes no sense, or a number is out of range.
     """
     from sacha_core.train.options import TrainOptions
     from sacha_core.train.presets import scaled, variant
+    from sacha_core.train.settings import with_settings
 
     require_both_sides(options.width, options.height)
     if options.preset is not None and options.iterations is not None:
@@ -182,5 +188,28 @@ def train_options(options: Options) -> TrainOptions:
         threads=options.threads,
     )
     if options.preset is not None:
-        return variant(base, options.variant)
-    return scaled(ITERATIONS if options.iterations is None else options.iterations, options.variant, base)
+        chosen = variant(base, options.variant)
+    else:
+        chosen = scaled(ITERATIONS if options.iterations is None else options.iterations, options.variant, base)
+    return with_settings(chosen, options.set_)
+
+
+def list_options() -> str:
+    """Give every option with its default and what it is, one after the other."""
+    from sacha_core.train.settings import known_settings
+
+    entries = []
+    for setting in known_settings().values():
+        default = written(setting.default)
+        about = textwrap.fill(
+            f"{setting.doc} ({setting.expected})", 110, initial_indent="    ", subsequent_indent="    "
+        )
+        entries.append(f"{setting.name}={default}\n{about}")
+    return "\n".join(entries)
+
+
+def written(value: object) -> str:
+    """Write a value as --set takes it."""
+    if isinstance(value, tuple):
+        return ",".join(":".join(map(str, one)) if isinstance(one, tuple) else str(one) for one in value)
+    return {True: "yes", False: "no", None: "none"}[value] if isinstance(value, bool | None) else str(value)

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from sacha_core.geometry import quaternion
 
-__all__ = ["Growth", "growth", "split_children"]
+__all__ = ["Growth", "growth", "shared_opacity", "split_children"]
 
 CHILDREN = 2
 SHRINK = 0.8 * CHILDREN  # children's standard deviations are the parent's over this
@@ -48,6 +48,26 @@ def growth(
     grows = (gradient >= threshold) & np.isfinite(largest)
     small = largest <= largest_clone
     return Growth(grows & small, grows & ~small)
+
+
+def shared_opacity(opacity_logit: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Give the opacity of a Gaussian and its clone that together let through what the Gaussian let through alone.
+
+    With o the opacity, both get 1 - sqrt(1 - o), as (1 - that) squared is 1 - o.
+
+    Args:
+        opacity_logit: (n,) of o.
+
+    Returns:
+        (n,) logits, in the dtype of `opacity_logit`.
+
+    Source: Rota Bulo et al., Revising Densification in Gaussian Splatting, 2024, section 4.2.
+    """
+    # with t = sqrt(1 - o), the logit of 1 - t is log((1 - t) / t), and 1 - t = o / (1 + t) loses no digits where o is small
+    logit = opacity_logit.astype(np.float64)
+    through = np.exp(-0.5 * np.logaddexp(0, logit))
+    shared = -np.logaddexp(0, -logit) - np.log1p(through) - np.log(through)
+    return shared.astype(opacity_logit.dtype)
 
 
 def split_children(

@@ -147,9 +147,9 @@ def _targets(
     n, pad = options.importance.views, options.sensitivity_pad
     if capture is None:
         width, height = options.width or DEFAULT_SIZE[0], options.height or DEFAULT_SIZE[1]
-        frames = spread_frames(len(motion), n)
+        frames = spread_frames(len(motion), n or len(motion) * N_CAMERAS)
         targets = rig_targets(gaussians, head, motion, frames, width, height, pad, options.threads)
         return targets, len(frames) * N_CAMERAS
     views = TrainingViews(capture, options.width, options.height, pad, cache_bytes=0)
-    chosen = spread_views(views.views, n)
+    chosen = spread_views(views.views, n or len(views.views))
     return decoded_ahead(views, grouped(views.views, chosen, len(chosen))), len(chosen)

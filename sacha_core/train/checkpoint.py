@@ -28,7 +28,7 @@ HIGHEST = {"ratios": 1.0}
 ELSEWHERE = ("threads", "checkpoint_every", "image_cache_bytes", "device")
 AFTER_WARM_UP = (
     "variant", "pruning", "importance", "density.by_region", "density.means", "density.modulators", "density.region_weights",
-    "density.guard_faint", "schedule.calibrations",
+    "density.guard_faint", "schedule.calibrations", "schedule.prunings", "schedule.settling",
 )  # fmt: skip
 
 

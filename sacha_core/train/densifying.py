@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 from sacha_core.avatar.binding import sigmoid
 from sacha_core.density.events import Densification
-from sacha_core.density.growth import CHILDREN, growth, split_children
+from sacha_core.density.growth import CHILDREN, growth, shared_opacity, split_children
 from sacha_core.density.guard import guarded
 from sacha_core.train.importance import spreads
 from sacha_core.train.options import TrainOptions
@@ -48,6 +48,10 @@ def densify(
         "position": np.concatenate([values["position"][kept], places]),
         "log_scale": np.concatenate([values["log_scale"][kept], sizes]),
     }
+    if density.clone_opacity == "shared":
+        opacity = values["opacity_logit"].copy()
+        opacity[grown.clone] = shared_opacity(opacity[grown.clone])
+        replaced["opacity_logit"] = opacity[rows]
     remove = superfluous(state, options, rows, spreads(replaced["log_scale"]) * size[rows, None], extent)
     keep = ~remove
     rearrange(state, rows[keep], fresh[keep], {name: value[keep] for name, value in replaced.items()})

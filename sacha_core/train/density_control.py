@@ -41,6 +41,8 @@ def calibrate(state: TrainState, options: TrainOptions, regions: Regions, seen: 
     if density.by_region:
         bounds = (density.threshold_lowest, density.threshold_highest)
         state.thresholds = bounded(density.threshold, modulator, *bounds)
+    else:
+        state.thresholds = np.full(r, density.threshold)
     if pruning.scope in {"regions", "weighted"}:
         state.ratios = bounded(pruning.ratio, modulator, pruning.ratio_lowest, pruning.ratio_highest)
     elif pruning.scope == "none":

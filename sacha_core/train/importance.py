@@ -100,6 +100,8 @@ def importance(
         scales=scales,
         pixel_factor=options.importance.pixel_factor,
         gaussian_factor=options.importance.gaussian_factor,
+        volume_percentile=options.importance.volume_percentile,
+        volume_power=options.importance.volume_power,
     )
     return rounded(KNOWN_SCORES[options.pruning.score].of(found))
 

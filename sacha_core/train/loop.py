@@ -227,12 +227,13 @@ class Run:
         schedule, now = self.options.schedule, self.iteration
         last = now >= schedule.iterations
         calibrates, resets = now in schedule.calibrations and not last, now in schedule.opacity_resets and not last
+        judges = calibrates or (schedule.prunes(now) and not last)
         void: frozenset[str] = frozenset()
-        if not (calibrates or resets or schedule.densifies(now)):
+        if not (judges or resets or schedule.densifies(now)):
             return void
         state = self._take()
-        if calibrates:
-            void |= self._calibrate(state, degree)
+        if judges:
+            void |= self._judge(state, degree, calibrates)
         if schedule.densifies(now):
             scale = self.engine.triangle_scale
             self.events.append(densify(state, self.options, self.regions, scale, self.extent))
@@ -253,35 +254,37 @@ class Run:
                 f" (extent {self.extent:.3g} m); are the images all background, or the cameras inside the head?"
             )
 
-    def _calibrate(self, state: TrainState, degree: int) -> frozenset[str]:
-        """Measure the regions; score and prune where the variant does; keep the scores of the last time."""
-        options = self.options
-        by_score, hidden_first = options.pruning.scope != "none", options.pruning.hidden_first
-        prunes = by_score or hidden_first
-        is_last = self.iteration == max(options.schedule.calibrations)
+    def _judge(self, state: TrainState, degree: int, calibrates: bool) -> frozenset[str]:
+        """Measure the regions, score and prune, where that is due; keep the scores of the last time; give what is void by it."""
+        options, schedule, now = self.options, self.options.schedule, self.iteration
+        is_last = now == (schedule.last_pruning or max(schedule.calibrations, default=0))
+        by_score = options.pruning.scope != "none" and schedule.prunes(now)
+        hidden_first = options.pruning.hidden_first and schedule.prunes(now)
         scores = by_score or is_last
-        passes = KNOWN_SCORES[options.pruning.score].passes if scores else ()
-        looks = prunes or scores or options.density.means != "plain"
-        seen = self._look(degree, passes) if looks else None
-        self.events.append(control.calibrate(state, options, self.regions, seen))
+        seen = None
+        if scores or hidden_first or options.density.means != "plain":
+            seen = self._look(degree, KNOWN_SCORES[options.pruning.score].passes if scores else ())
+        if calibrates:
+            self.events.append(control.calibrate(state, options, self.regions, seen))
         if seen is None:
             return frozenset()
         score = importance(state, options, seen, self.rest_scale) if scores else np.zeros(len(state))
-        before = state.gaussians()
+        facts = (self.head.n_faces, options.scheme)
+        before = Scores(state.gaussians(), score, *facts, sums=seen.sums())
         if hidden_first:
             event, kept = remove_hidden(state, options, self.regions, seen)
             self.events.append(event)
+            score = score[kept]
         if by_score:
-            left = score[kept] if hidden_first else score
-            self.events.append(prune(state, options, self.regions, left))
+            self.events.append(prune(state, options, self.regions, score))
         if is_last:
-            facts = (self.head.n_faces, options.scheme, tuple(self.events))
-            write_scores(self.folder / SCORES, Scores(before, score, *facts, seen.sums()))
-        return frozenset(ATTRIBUTES) if prunes else frozenset()
+            write_scores(self.folder / SCORES, replace(before, events=tuple(self.events)))
+        return frozenset(ATTRIBUTES) if by_score or hidden_first else frozenset()
 
     def _look(self, degree: int, passes: Sequence[str] = ()) -> SeenWeights:
         """Sum over training views what they show of each Gaussian; each timestep is posed once."""
-        chosen = spread_views(self.views.views, self.options.importance.views)
+        wanted = self.options.importance.views or len(self.views.views)
+        chosen = spread_views(self.views.views, wanted)
         steps = decoded_ahead(self.views, grouped(self.views.views, chosen, len(chosen)))
         return look(self.engine, steps, len(chosen), degree, passes, self.report)
 
@@ -317,7 +320,8 @@ class Run:
         """Give the state before the first iteration."""
         rng = np.random.default_rng([self.options.seed, 0])
         gaussians = initial_gaussians(self.head.n_faces, rng, self.options.sh_degree)
-        bases = (self.options.density.threshold, self.options.pruning.ratio)
+        density = self.options.density
+        bases = (density.threshold_in_warm_up or density.threshold, self.options.pruning.ratio)
         return initial_state(gaussians, self.capture.motion, self.regions.n_regions, *bases)
 
     def _taken(self, path: Path, until_warm_up: bool) -> TrainState:

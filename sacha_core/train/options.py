@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-from sacha_core.density.modulators import Modulators
-from sacha_core.density.scores.table import KNOWN_SCORES
-from sacha_core.density.selection import Guard
 from sacha_core.errors import OptionError
+from sacha_core.train.density_options import DensityOptions, ImportanceOptions, PruningOptions, require
 
 __all__ = [
     "DensityOptions", "ImportanceOptions", "LearningRates", "LossOptions", "PruningOptions", "Schedule", "TrainOptions", "from_record",
@@ -65,9 +63,13 @@ class Schedule:
         densify_every: and every so many.
         densify_until: and before these.
         warm_up: regions matter from here on.
-        calibrations: when regions are measured; pruning by score, if any, follows at once.
+        calibrations: when regions are measured.
+        prunings: when Gaussians are pruned by score; None for at once after each calibration.
+        settling: iterations after an opacity reset in which nothing is pruned by score, as scores want settled opacities; None for a
+            thirty-sixth of the run, which are 10,000 of the paper's.
         opacity_resets: when opacities are brought down.
         size_prune_from: from here on, densification also removes the far too large.
+        sensitivity_until: the loss of sensitivity counts up to here; None for to the end.
     """
 
     iterations: int = WHOLE
@@ -78,103 +80,28 @@ class Schedule:
     densify_until: int = WHOLE
     warm_up: int = 110_000
     calibrations: tuple[int, ...] = (110_000, 160_000, 210_000, 260_000, 310_000)
+    prunings: tuple[int, ...] | None = None
+    settling: int | None = None
     opacity_resets: tuple[int, ...] = (10_000, 60_000, 120_000, 180_000, 240_000, 300_000)
     size_prune_from: int = 60_000
+    sensitivity_until: int | None = None
+
+    def prunes(self, iteration: int) -> bool:
+        """Tell whether Gaussians are pruned by score after this iteration, if at all."""
+        due = iteration in (self.calibrations if self.prunings is None else self.prunings)
+        settling = self.iterations * 10_000 // WHOLE if self.settling is None else self.settling
+        return due and not any(0 < iteration - reset < settling for reset in self.opacity_resets)
+
+    @property
+    def last_pruning(self) -> int | None:
+        """Iteration after which Gaussians are pruned by score for the last time, if at all; None for never."""
+        moments = self.calibrations if self.prunings is None else self.prunings
+        return max((moment for moment in moments if self.prunes(moment)), default=None)
 
     def densifies(self, iteration: int) -> bool:
         """Tell whether Gaussians are cloned, split and removed after this iteration."""
         inside = self.densify_from < iteration < self.densify_until
         return inside and iteration % self.densify_every == 0
-
-
-@dataclass(frozen=True)
-class DensityOptions:
-    """Growth, and what densification removes.
-
-    Args:
-        threshold: gradient at or above which a Gaussian grows, in normalised device units (tau0).
-        threshold_lowest: bound of a region's threshold.
-        threshold_highest: bound of a region's threshold.
-        by_region: whether regions get thresholds of their own after warm-up.
-        means: which mean sensitivities make the modulators. `visible` and `weighted` cost an importance pass at each calibration.
-        modulators: what becomes of the modulators learnt (see `controlled`); all but `learned` are controls.
-        region_weights: how much more some regions are worth than measured, by name: the modulator is divided by it, once.
-        largest_clone: longest standard deviation that is cloned and not split, in scene extents.
-        largest: longest standard deviation that is kept, in scene extents.
-        lowest_opacity: that is kept.
-        reset_opacity: ceiling that a reset brings opacities down to.
-        gradient: what growth is decided by: the gradient by the place in the image, in normalised device units, or the sum over pixels
-            of its absolute values, which CUDA alone offers.
-        spread: whether children of a split are spread by world or local size (see `split_children`).
-        guard_faint: whether the last Gaussian of a triangle stays though it is nearly transparent; in warm-up it always does.
-
-    Source: GaussianAvatars; SACHA (thresholds).
-    """
-
-    threshold: float = 3e-4
-    threshold_lowest: float = 1.5e-4
-    threshold_highest: float = 6e-4
-    by_region: bool = True
-    means: Literal["plain", "visible", "weighted"] = "plain"
-    modulators: Modulators = "learned"
-    region_weights: tuple[tuple[str, float], ...] = ()
-    largest_clone: float = 0.01
-    largest: float = 0.1
-    lowest_opacity: float = 0.005
-    reset_opacity: float = 0.01
-    gradient: Literal["ndc", "absolute"] = "ndc"
-    spread: Literal["world", "local"] = "world"
-    guard_faint: bool = True
-
-
-@dataclass(frozen=True)
-class PruningOptions:
-    """Pruning by score.
-
-    Args:
-        scope: `regions` by each region's ratio; `all` by one ratio over all Gaussians; `weighted` likewise, with each score divided by a
-            power of the modulator of its region; `none` not at all.
-        score: name of the importance score, in the table of `density/scores`.
-        power: of the modulator that `weighted` divides by; the ratio's bounds hold for the modulator.
-        hidden_first: whether each pruning begins with what never shows; the ratio is then of what remains. With `scope` none, nothing
-            else goes.
-        hidden_at_end: whether what never shows goes at the end of the run.
-        guard: what becomes of a triangle's last Gaussian (see `lowest_of_each_region`).
-        ratio: share that goes at each pruning (rho0).
-        ratio_lowest: bound of a region's ratio.
-        ratio_highest: bound of a region's ratio.
-
-    Source: SACHA; the bounds and the guard are our own.
-    """
-
-    scope: Literal["none", "all", "weighted", "regions"] = "regions"
-    score: str = "pis"
-    power: float = 1.0
-    hidden_first: bool = False
-    hidden_at_end: bool = False
-    guard: Guard = "off"
-    ratio: float = 0.2
-    ratio_lowest: float = 0.1
-    ratio_highest: float = 0.4
-
-
-@dataclass(frozen=True)
-class ImportanceOptions:
-    """How the importance score is made.
-
-    Args:
-        views: how many training views, about, weights are summed over: all those of evenly spaced timesteps.
-        pixel_factor: lambda_S.
-        gaussian_factor: lambda_a.
-        volume_space: whether volumes are compared in local units or in metres of the neutral head.
-        visible_pixels: blending weight, in pixels a view, above which a Gaussian counts as visible; below, it never shows.
-    """
-
-    views: int = 1500
-    pixel_factor: float = 1.0
-    gaussian_factor: float = 1.0
-    volume_space: Literal["local", "world"] = "local"
-    visible_pixels: float = 1 / 12
 
 
 @dataclass(frozen=True)
@@ -227,41 +154,29 @@ class TrainOptions:
     def __post_init__(self) -> None:
         """Refuse numbers that make no sense."""
         schedule = self.schedule
-        _require(schedule.iterations >= 1, "schedule.iterations", schedule.iterations, "at least 1")
+        require(schedule.iterations >= 1, "schedule.iterations", schedule.iterations, "at least 1")
         for name in ("position_decay", "sh_every", "densify_every"):
-            _require(getattr(schedule, name) >= 1, f"schedule.{name}", getattr(schedule, name), "at least 1")
-        _require(0 <= self.sh_degree <= 3, "sh_degree", self.sh_degree, "0 to 3")
-        _require(self.seed >= 0, "seed", self.seed, "at least 0")
-        _require(self.threads is None or self.threads >= 1, "threads", self.threads, "at least 1")
+            require(getattr(schedule, name) >= 1, f"schedule.{name}", getattr(schedule, name), "at least 1")
+        require(0 <= self.sh_degree <= 3, "sh_degree", self.sh_degree, "0 to 3")
+        require(self.seed >= 0, "seed", self.seed, "at least 0")
+        require(self.threads is None or self.threads >= 1, "threads", self.threads, "at least 1")
         for name in ("checkpoint_every", "cameras_per_step"):
-            _require(getattr(self, name) >= 1, name, getattr(self, name), "at least 1")
-        _require(self.device in {"auto", "cpu", "cuda"}, "device", self.device, "auto, cpu or cuda")
+            require(getattr(self, name) >= 1, name, getattr(self, name), "at least 1")
+        require(self.device in {"auto", "cpu", "cuda"}, "device", self.device, "auto, cpu or cuda")
         for name in ("width", "height"):
             size = getattr(self, name)
-            _require(size is None or size >= 16, name, size, "at least 16 pixels")
-        earliest = min(schedule.calibrations, default=schedule.warm_up)
-        _require(earliest >= schedule.warm_up, "schedule.calibrations", schedule.calibrations,
-                 f"none before schedule.warm_up, {schedule.warm_up}")  # fmt: skip
-        _require(0 < self.pruning.ratio < 1, "pruning.ratio", self.pruning.ratio, "above 0 and below 1")
-        _require(0 <= self.pruning.ratio_lowest <= self.pruning.ratio_highest <= 1, "pruning.ratio_lowest",
-                 self.pruning.ratio_lowest, "0 to pruning.ratio_highest, which is at most 1")  # fmt: skip
-        _require(
-            self.pruning.score in KNOWN_SCORES, "pruning.score", self.pruning.score, f"one of {', '.join(KNOWN_SCORES)}"
-        )
-        _require(abs(self.pruning.power) < float("inf"), "pruning.power", self.pruning.power, "a finite number")
-        _require(0 < self.density.threshold < float("inf"), "density.threshold", self.density.threshold, "above 0")
-        for name, weight in self.density.region_weights:
-            _require(0 < weight < float("inf"), f"density.region_weights of {name}", weight, "a number above 0")
-        _require(self.importance.views >= 1, "importance.views", self.importance.views, "at least 1")
+            require(size is None or size >= 16, name, size, "at least 16 pixels")
+        for name in ("calibrations", "prunings"):
+            moments = getattr(schedule, name)
+            good = moments is None or min(moments, default=schedule.warm_up) >= schedule.warm_up
+            require(good, f"schedule.{name}", moments, f"none before schedule.warm_up, {schedule.warm_up}")
+        for name in ("settling", "sensitivity_until"):
+            moment = getattr(schedule, name)
+            require(moment is None or moment >= 0, f"schedule.{name}", moment, "at least 0")
 
     def record(self) -> dict[str, Any]:
         """Give the options as plain values, for a JSON file."""
         return asdict(self)
-
-
-def _require(holds: bool, name: str, value: object, expected: str) -> None:
-    if not holds:
-        raise OptionError(f"{name} is {value}, expected {expected}")
 
 
 def from_record(record: dict[str, Any]) -> TrainOptions:
@@ -287,7 +202,7 @@ def _build(kind: type[Any], record: Any, where: str) -> Any:
         else:
             if get_origin(nested) is Literal:
                 known = get_args(nested)
-                _require(value in known, f"{where}.{name}", value, f"one of {', '.join(map(str, known))}")
+                require(value in known, f"{where}.{name}", value, f"one of {', '.join(map(str, known))}")
             values[name] = _tuples(value)
     return kind(**values)
 

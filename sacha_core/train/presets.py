@@ -160,5 +160,6 @@ def variant(options: TrainOptions, name: str) -> TrainOptions:
 
 def growing_to_the_last_prune(options: TrainOptions) -> TrainOptions:
     """Give the options with growth stopped at the last pruning: what grows later is judged by nobody."""
-    until = min(options.schedule.densify_until, max(options.schedule.calibrations, default=options.schedule.iterations))
-    return replace(options, schedule=replace(options.schedule, densify_until=until))
+    schedule = options.schedule
+    until = min(schedule.densify_until, schedule.last_pruning or schedule.iterations)
+    return replace(options, schedule=replace(schedule, densify_until=until))

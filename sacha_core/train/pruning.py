@@ -25,8 +25,9 @@ def prune(state: TrainState, options: TrainOptions, regions: Regions, score: Flo
         score: (n,) importance.
     """
     of, before, pruning = regions.of(state.binding), regions.counts(state.binding), options.pruning
-    if pruning.scope == "regions":
-        chosen = lowest_of_each_region(score, of, state.ratios, state.binding, pruning.guard)
+    if pruning.scope in {"regions", "each"}:
+        ratios = state.ratios if pruning.scope == "regions" else np.full(regions.n_regions, pruning.ratio)
+        chosen = lowest_of_each_region(score, of, ratios, state.binding, pruning.guard)
     else:
         if pruning.scope == "weighted":
             score = score * ((pruning.ratio / state.ratios) ** pruning.power)[of]

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from sacha_core.density.scores.light_gaussian import light_gaussian_score
 from sacha_core.density.scores.perceptual import perceptual_score
 from sacha_core.density.scores.removal import removal_score
+from sacha_core.density.scores.volume import POWER
 
 __all__ = ["KNOWN_SCORES", "Evidence", "Score"]
 
@@ -28,6 +29,8 @@ class Evidence:
         scales: (n, 3) standard deviations, of one space.
         pixel_factor: lambda_S.
         gaussian_factor: lambda_a.
+        volume_percentile: of the volumes that counts as 1 (V90).
+        volume_power: to which volumes enter.
     """
 
     sums: Mapping[str, Float[np.ndarray, "n ..."]]
@@ -35,6 +38,8 @@ class Evidence:
     scales: Float[np.ndarray, "n 3"]
     pixel_factor: float = 1.0
     gaussian_factor: float = 1.0
+    volume_percentile: float = 90.0
+    volume_power: float = POWER
 
 
 @dataclass(frozen=True)
@@ -53,11 +58,12 @@ class Score:
 def _perceptual(found: Evidence) -> Float[np.ndarray, " n"]:
     plain, sensitive = found.sums["weights"].T
     factors = (found.pixel_factor, found.gaussian_factor)
-    return perceptual_score(plain, sensitive, found.sensitivity, found.scales, *factors)
+    volume = (found.volume_percentile, found.volume_power)
+    return perceptual_score(plain, sensitive, found.sensitivity, found.scales, *factors, *volume)
 
 
 def _light_gaussian(found: Evidence) -> Float[np.ndarray, " n"]:
-    return light_gaussian_score(found.sums["weights"][:, 0], found.scales)
+    return light_gaussian_score(found.sums["weights"][:, 0], found.scales, power=found.volume_power)
 
 
 def _removal(kind: int) -> Score:

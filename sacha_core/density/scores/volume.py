@@ -11,14 +11,15 @@ POWER = 0.1
 
 
 def volume_factor(
-    scales: Float[np.ndarray, "n 3"], percentile: float = 90.0, clamp: bool = True
+    scales: Float[np.ndarray, "n 3"], percentile: float = 90.0, clamp: bool = True, power: float = POWER
 ) -> Float[np.ndarray, " n"]:
-    """Give each Gaussian's volume relative to a percentile of all volumes, to the power of 0.1.
+    """Give each Gaussian's volume relative to a percentile of all volumes, to a power.
 
     Args:
         scales: (n, 3) standard deviations, of one space.
         percentile: of the volumes that counts as 1.
         clamp: whether larger volumes count as 1, too.
+        power: to which the ratio is taken.
 
     Returns:
         (n,) float64; empty for no Gaussians.
@@ -34,5 +35,5 @@ def volume_factor(
     ratio = np.divide(volume, reference, out=np.ones_like(volume), where=reference > 0)
     if clamp:
         ratio = np.minimum(ratio, 1.0)
-    factor: np.ndarray = ratio**POWER
+    factor: np.ndarray = ratio**power
     return factor
