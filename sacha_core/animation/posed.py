@@ -45,7 +45,8 @@ class Pose:
 class PosedHead:
     """Poses one person's head: the compiled twin of `Poser` and `triangle_frames`, several times as fast.
 
-    Expression coefficients and pose correctives that are exactly 0 cost nothing. The result has the same bits for any number of threads.
+    Expression coefficients and pose correctives that are exactly 0 cost nothing, nor do directions where they move nothing. The result has
+    the same bits for any number of threads.
 
     Args:
         head: the head model.
@@ -56,6 +57,7 @@ class PosedHead:
     Attributes:
         poser: what does not change from pose to pose: template, joints, directions, weights.
         faces: (f, 3) int32, vertex indices of the triangles.
+        moves: (blocks, k) whether a direction moves any vertex of a block of `kernels.posing.BLOCK`.
 
     Raises:
         HeadError: the motion has components or vertex offsets that the head lacks.
@@ -82,7 +84,9 @@ class PosedHead:
             frames=TriangleFrames(np.empty((f, 3, 3), dtype), np.empty(f, dtype), np.empty((f, 3), dtype)),
             quaternions=np.empty((f, 4), dtype),
         )
-        n_directions = len(self.poser.directions)
+        n_directions, block = len(self.poser.directions), 3 * posing_kernels.BLOCK
+        blocks = [self.poser.directions[:, at : at + block].any(axis=1) for at in range(0, 3 * v, block)]
+        self.moves = np.array(blocks).reshape(-1, n_directions)
         self._rows, self._coefficients = np.empty(n_directions, np.int64), np.empty(n_directions, dtype)
         self._vertex_bounds = block_bounds(v, posing_kernels.BLOCK, self._pool.threads)
         self._face_bounds = block_bounds(f, frame_kernels.BLOCK, self._pool.threads)
@@ -125,7 +129,7 @@ class PosedHead:
 
         def job(_: int, k: int) -> None:
             posing_kernels.pose_vertices(
-                bounds[k], bounds[k + 1], template, poser.directions, self._rows, self._coefficients, count,
+                bounds[k], bounds[k + 1], template, poser.directions, self.moves, self._rows, self._coefficients, count,
                 poser.weights, pose.transforms, translation, unposed, pose.vertices,
             )  # fmt: skip
 

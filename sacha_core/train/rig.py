@@ -7,11 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
+from sacha_core.animation.kernels.posing import BLOCK
 from sacha_core.animation.posed import Pose, PosedHead, block_bounds
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import TURNS, HeadMotion
 from sacha_core.parallel.pool import Pool
-from sacha_core.train.kernels.pose_backward import BLOCK, pose_backward, vertices_backward
+from sacha_core.train.kernels.pose_backward import pose_backward, vertices_backward
 from sacha_core.train.state import Arrays
 
 __all__ = ["Rig"]
@@ -91,7 +92,7 @@ class Rig:
         def job(_: int, k: int) -> None:
             vertices_backward(
                 bounds[k], bounds[k + 1], self._corners, self._first_corner, g_corners, unposed, poser.weights, pose.transforms,
-                poser.directions, self._space[k], *self._sums,
+                poser.directions, self._posed.moves, self._space[k], *self._sums,
             )  # fmt: skip
 
         self._pool.run(job, len(bounds) - 1)

@@ -12,6 +12,7 @@ from sacha_core.animation.carry import carry, room_for
 from sacha_core.animation.posed import Pose, PosedHead
 from sacha_core.avatar.binding import to_world
 from sacha_core.avatar.motion import Motion
+from sacha_core.bench.scenes import made_head, made_motion
 from sacha_core.errors import GeometryError, HeadError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import Poser
@@ -20,6 +21,8 @@ from sacha_core.geometry.rotation import rotation_vectors_to_matrices
 from sacha_core.geometry.skinning import joint_transforms
 from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.parallel.pool import Pool
+from sacha_core.train.rig import Rig
+from sacha_core.train.state import FITTED_MOTION
 
 ROUNDING_64 = 1e-12  # of numbers of a few metres and of unit vectors
 # float32 on coordinates of a few metres, through three joints, sums of 60 directions, and triangles with angles down to a degree
@@ -196,3 +199,20 @@ def test_vertices_that_are_not_finite_are_refused(value: float) -> None:
 def test_head_that_lacks_what_the_motion_uses() -> None:
     with pytest.raises(HeadError, match="expression components"):
         PosedHead(random_head(), random_motion(n_expression=30))
+
+
+def test_directions_are_not_read_where_they_move_nothing() -> None:
+    """Exact: local directions give the bits that they give when every block of vertices looks at all of them, both ways."""
+    head, motion = made_head(), made_motion(1)
+    sparse, dense = Rig(head, motion, Pool(2)), Rig(head, motion, Pool(1))
+    assert sparse._posed.moves.mean() < 0.5
+    dense._posed.moves[:] = True
+    parameters = {name: getattr(motion, name)[0] for name in FITTED_MOTION}
+    found, expected = sparse.pose(parameters), dense.pose(parameters)
+    np.testing.assert_array_equal(found.vertices, expected.vertices)
+    pulls = np.random.default_rng(0).normal(size=sparse.g_corners.shape)
+    sparse.g_corners[:], dense.g_corners[:] = pulls, pulls
+    slopes, expected_slopes = sparse.backward(found, parameters), dense.backward(expected, parameters)
+    for name in FITTED_MOTION:
+        assert np.abs(slopes[name]).max() > 0
+        np.testing.assert_array_equal(slopes[name], expected_slopes[name])

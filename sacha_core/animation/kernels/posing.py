@@ -86,16 +86,22 @@ def gather_active(expression, rotations, has_correctives, rows, coefficients):
 
 
 @kernel(error_model="numpy", fastmath=FAST)
-def blend_shapes(start, stop, template, directions, rows, coefficients, count, unposed):
+def blend_shapes(start, stop, template, directions, moves, rows, coefficients, count, unposed):
     """Write the unposed coordinates `start` to `stop` (all arrays flat): the template and the active rows of the directions.
 
     Eight directions at a time, so that a coordinate is loaded and stored once for eight products. On slices, since a loop that begins at 0
-    needs no care for negative indices, which would keep it from being vectorised.
+    needs no care for negative indices, which would keep it from being vectorised. Eight that move nothing here are passed over,
+    which changes no bit; `moves` (k,) tells what does.
     """
     out, template = unposed[start:stop], template[start:stop]
     for i in range(out.size):
         out[i] = template[i]
     for k in range(0, count - 7, 8):
+        moving = False
+        for j in range(k, k + 8):
+            moving |= moves[rows[j]]
+        if not moving:
+            continue
         d0, d1 = directions[rows[k]][start:stop], directions[rows[k + 1]][start:stop]
         d2, d3 = directions[rows[k + 2]][start:stop], directions[rows[k + 3]][start:stop]
         d4, d5 = directions[rows[k + 4]][start:stop], directions[rows[k + 5]][start:stop]
@@ -107,6 +113,8 @@ def blend_shapes(start, stop, template, directions, rows, coefficients, count, u
             second = c4 * d4[i] + c5 * d5[i] + c6 * d6[i] + c7 * d7[i]
             out[i] += first + second
     for k in range(count - count % 8, count):
+        if not moves[rows[k]]:
+            continue
         d0, c0 = directions[rows[k]][start:stop], coefficients[k]
         for i in range(out.size):
             out[i] += c0 * d0[i]
@@ -142,10 +150,12 @@ def pose_joints(
 
 @kernel(error_model="numpy")
 def pose_vertices(
-    start, stop, template, directions, rows, coefficients, count, weights, transforms, translation, unposed, vertices
-):
-    """Write the vertices `start` (a multiple of BLOCK) to `stop`, unposed (flat) and posed (v, 3)."""
+    start, stop, template, directions, moves, rows, coefficients, count, weights, transforms, translation, unposed, vertices,
+):  # fmt: skip
+    """Write the vertices `start` (a multiple of BLOCK) to `stop`, unposed (flat) and posed (v, 3); `moves` has a row for each block."""
     for block in range(start, stop, BLOCK):
         end = min(block + BLOCK, stop)
-        blend_shapes(3 * block, 3 * end, template, directions, rows, coefficients, count, unposed)
+        blend_shapes(
+            3 * block, 3 * end, template, directions, moves[block // BLOCK], rows, coefficients, count, unposed
+        )
         skin(unposed[3 * block : 3 * end], weights[block:end], transforms, translation, vertices[block:end])

@@ -29,6 +29,7 @@ def playing_skips(preset: Preset) -> Iterator[Work]:
     avatar, head = made_avatar(preset.of(300, 20_000, 50_000), 3, preset.of(7, 100, 100))
     yield from frames_again(preset, avatar, head)
     yield zero_coefficients(preset, head)
+    yield directions_at_rest(preset, head)
     yield from motion_groups(preset, head)
 
 
@@ -68,6 +69,23 @@ def zero_coefficients(preset: Preset, head: HeadModel) -> Work:
     return Work(
         "expression weights that are zero (7 of 8)", partial(vertices, sparse), partial(vertices, dense),
         lambda: apart(vertices(sparse).copy(), vertices(dense)), "tests/animation/test_posed.py::test_zero_coefficients_are_not_read",
+    )  # fmt: skip
+
+
+def directions_at_rest(preset: Preset, head: HeadModel) -> Work:
+    """Pose with directions that move a part of the head each; the plain way, every block of vertices looks at all of them."""
+    motion = made_motion(1)
+    sparse, dense = (PosedHead(head, motion, Pool(preset.threads)) for _ in range(2))
+    dense.moves[:] = True
+    vectors = np.concatenate([motion.rotation[0], motion.neck[0], motion.jaw[0], motion.eyes[0]]).reshape(5, 3)
+
+    def vertices(posed: PosedHead) -> np.ndarray:
+        return posed.pose(motion.expression[0], vectors, motion.translation[0]).vertices
+
+    proof = "tests/animation/test_posed.py::test_directions_are_not_read_where_they_move_nothing"
+    return Work(
+        f"directions where they move nothing ({1 - sparse.moves.mean():.0%} of blocks)",
+        partial(vertices, sparse), partial(vertices, dense), lambda: apart(vertices(sparse), vertices(dense)), proof,
     )  # fmt: skip
 
 

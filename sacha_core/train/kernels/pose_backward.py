@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from sacha_core.animation.kernels.posing import BLOCK
 from sacha_core.geometry.rotation import ANGLE_OFFSET_RAD, SMALLEST_ANGLE_RAD
 from sacha_core.parallel.kernels.kernel import kernel
 
 FAST = {"contract", "nsz", "arcp", "reassoc"}
-BLOCK = 512  # vertices
 
 
 @kernel(error_model="numpy", fastmath=FAST)
@@ -63,12 +63,21 @@ def skin_backward(
 
 
 @kernel(error_model="numpy", fastmath=FAST)
-def project(first, directions, gradient, out):
-    """Write the products of directions (k, 3 v), from the coordinate `first` on, with a block's gradient; four at a time."""
+def project(first, directions, moves, rows, gradient, out):
+    """Write the products of directions (k, 3 v), from the coordinate `first` on, with a block's gradient; four at a time.
+
+    Only of those that move anything there, as `moves` (k,) tells; `rows` (k,) is space.
+    """
     zero = gradient.dtype.type(0)
-    size, last = len(gradient), len(directions) - 1
-    for k in range(0, len(directions), 4):
-        k1, k2, k3 = min(k + 1, last), min(k + 2, last), min(k + 3, last)  # at the end some twice
+    size, count = len(gradient), 0
+    for k in range(len(directions)):
+        out[k] = 0
+        if moves[k]:
+            rows[count] = k
+            count += 1
+    for at in range(0, count, 4):
+        k, k1 = rows[at], rows[min(at + 1, count - 1)]  # at the end some twice
+        k2, k3 = rows[min(at + 2, count - 1)], rows[min(at + 3, count - 1)]
         a, b = directions[k, first : first + size], directions[k1, first : first + size]
         c, d = directions[k2, first : first + size], directions[k3, first : first + size]
         sum_a, sum_b, sum_c, sum_d = zero, zero, zero, zero
@@ -83,23 +92,25 @@ def project(first, directions, gradient, out):
 
 @kernel
 def vertices_backward(
-    start, stop, corners, first_corner, g_corners, unposed, weights, transforms, directions,
+    start, stop, corners, first_corner, g_corners, unposed, weights, transforms, directions, moves,
     g_unposed, g_transforms, g_translations, g_coefficients,
 ):  # fmt: skip
     """Sum the blocks `start` to `stop` of vertices; arguments as of `skin_backward`, of which the sums have a row for each block.
 
     Further
         directions: (k, 3 v) that coefficients move the unposed vertices along.
+        moves: (blocks, k) whether one moves any vertex of a block.
         g_unposed: (3 BLOCK,) space.
         g_coefficients: (blocks, k) float64 out.
     """
+    rows = np.empty(len(directions), np.int64)
     for block in range(start, stop):
         first, last = block * BLOCK, min((block + 1) * BLOCK, len(unposed))
         part = g_unposed[: 3 * (last - first)]
         skin_backward(
             first, last, corners, first_corner, g_corners, unposed, weights, transforms, part, g_transforms[block], g_translations[block]
         )  # fmt: skip
-        project(3 * first, directions, part, g_coefficients[block])
+        project(3 * first, directions, moves[block], rows, part, g_coefficients[block])
 
 
 @kernel
