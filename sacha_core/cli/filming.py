@@ -65,11 +65,11 @@ def capture_avatar(
 
     takes = plan_avatar_takes(sitter, options, motion)
     head_file = root / HEAD_FILE
-    head_file.parent.mkdir(parents=True, exist_ok=True)
-    save_head(sitter.head, head_file)
     writer = CaptureWriter(root, subject, sitter.head.reference, head_file, origin=sitter.origin(options))
     rasteriser = Rasteriser()
-    return write_takes(writer, takes, lambda take: film_avatar(sitter, take, options, rasteriser), console)
+    union = write_takes(writer, takes, lambda take: film_avatar(sitter, take, options, rasteriser), console)
+    save_head(sitter.head, head_file)
+    return union
 
 
 def write_takes(
