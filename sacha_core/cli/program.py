@@ -43,6 +43,7 @@ EXTRAS = {
     "rich": "shell",
     "av": "shell",
     "matplotlib": "shell",
+    "ray": "ray",
 }
 
 

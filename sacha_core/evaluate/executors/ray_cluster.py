@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import socket
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -13,6 +15,7 @@ from sacha_core.progress import Progress, Report
 __all__ = ["RayCluster"]
 
 SECONDS_BETWEEN_LOOKS = 0.5
+SECONDS_TO_CONNECT = 10.0
 RETRIES = 1  # where a node is lost; the job goes on from its files
 
 
@@ -49,8 +52,11 @@ class RayCluster:
         import ray  # noqa: PLC0415 (slow, and only installed where it is used)
 
         try:
+            require_listener(self._address)
+            on_end = signal.getsignal(signal.SIGTERM)  # which Ray replaces by an end without cleaning up
             ray.init(address=self._address, log_to_driver=False, logging_level="ERROR")
-        except (ConnectionError, ValueError, RuntimeError) as error:
+            signal.signal(signal.SIGTERM, on_end)
+        except (OSError, ValueError, RuntimeError) as error:
             raise OptionError(f"there is no Ray cluster at {self._address}: {' '.join(str(error).split())}") from error
         try:
             yield from self._run(ray, jobs, report)
@@ -65,11 +71,22 @@ class RayCluster:
             while (job := unsettled.take()) is not None:
                 running[work.remote(job, board)] = job
             ended, _ = ray.wait(list(running), num_returns=1, timeout=SECONDS_BETWEEN_LOOKS)
-            for progress in ray.get(board.taken.remote()):
+            for progress in ray.get(board.taken.remote()):  # after the wait: what ended has said all
                 report(progress)
             for reference in ended:
                 job = running.pop(reference)
                 yield from unsettled.settle(outcome(ray, job, reference))
+
+
+def require_listener(address: str) -> None:
+    """Find out quickly that nobody listens at HOST:PORT, which Ray itself tries for minutes; other addresses are Ray's to judge.
+
+    Raises:
+        OSError: nobody does.
+    """
+    host, _, port = address.rpartition(":")
+    if host and port.isdecimal() and "/" not in host:
+        socket.create_connection((host, int(port)), SECONDS_TO_CONNECT).close()
 
 
 def outcome(ray: Any, job: Job, reference: Any) -> Outcome:
@@ -100,4 +117,9 @@ class Board:
 
 def live(job: Job, board: Any) -> Outcome:
     """Do a job on a node of the cluster."""
-    return attempt(job, paced(board.put.remote))
+    import ray  # noqa: PLC0415
+
+    def tell(progress: Progress) -> None:
+        ray.get(board.put.remote(progress))  # written before the job goes on, and so before it ends
+
+    return attempt(job, paced(tell))
