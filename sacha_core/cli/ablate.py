@@ -24,7 +24,7 @@ QUICK_VARIANTS = ("default", "rad-gp-pis", "sacha")
 ITERATIONS, QUICK_ITERATIONS = 6000, 3000
 SEEDS, QUICK_SEEDS = 3, 1
 IMAGES, QUICK_IMAGES = 100, 40
-PERCEPTUAL_IMAGES, QUICK_PERCEPTUAL_IMAGES = 25, 10
+FLIP_IMAGES, QUICK_FLIP_IMAGES = 30, 10
 
 
 @dataclass(frozen=True)
@@ -54,9 +54,7 @@ class Sweep:
     judge_images: Annotated[MaybeInt, tyro.conf.arg(metavar="N", help_behavior_hint=f"(default: {IMAGES})")] = None
     """At most so many images of the held-out camera, and as many held-out expressions."""
 
-    perceptual_images: Annotated[
-        MaybeInt, tyro.conf.arg(metavar="N", help_behavior_hint=f"(default: {PERCEPTUAL_IMAGES})")
-    ] = None
+    flip_images: Annotated[MaybeInt, tyro.conf.arg(metavar="N", help_behavior_hint=f"(default: {FLIP_IMAGES})")] = None
     """At most so many of these, evenly spread, are also judged by FLIP and LPIPS, which take ten times as long as all else."""
 
     metrics: Annotated[
@@ -176,7 +174,7 @@ def judging_of(sweep: Sweep) -> Judging:
 
     metrics = sweep.metrics or tuple(name for name in METRICS if name != "flip" or missing() is None)
     images = given(sweep.judge_images, QUICK_IMAGES if sweep.quick else IMAGES)
-    perceptual = given(sweep.perceptual_images, QUICK_PERCEPTUAL_IMAGES if sweep.quick else PERCEPTUAL_IMAGES)
+    perceptual = given(sweep.flip_images, QUICK_FLIP_IMAGES if sweep.quick else FLIP_IMAGES)
     return Judging(levels_of(sweep.levels), images, metrics, perceptual)
 
 

@@ -42,7 +42,7 @@ def note_conditions(out: Path, runs: Sequence[PlannedRun], command: Sequence[str
         "iterations": f"{first.options.schedule.iterations:,}",
         "trained on images of": "the stored size" if size[0] is None else f"{size[0]} x {size[1]} pixels",
         "judged on": f"at most {judging.images} images of the held-out camera and as many held-out expressions, at the stored size; "
-        f"FLIP and LPIPS on {judging.perceptual_images} of each, evenly spread",
+        f"FLIP and LPIPS on {judging.flip_images} of each, evenly spread",
         "coded": "with nothing left out by the codec",
     }
     with write_aside(out / CONDITIONS) as aside:

@@ -60,7 +60,7 @@ def judge_views(
         raise DatasetError(f"{capture.root} has no held-out views to {stage}")
     poses = [Poser(head, evaluation_motion(capture, avatar.motion)) for avatar in avatars]
     slow = SLOW & set(judging.metrics)
-    chosen = {id(view) for view in spread(views, judging.perceptual_images)} if slow else set[int]()
+    chosen = {id(view) for view in spread(views, judging.flip_images)} if slow else set[int]()
     everywhere = [PictureMetrics() for _ in avatars]
     somewhere = [PictureMetrics(slow) for _ in avatars]
     timestep, frames = -1, list[TriangleFrames]()

@@ -47,7 +47,7 @@ class Judging:
         levels: of the codec, each 1 to 4.
         images: at most so many of the held-out camera, and as many held-out expressions.
         metrics: of the pictures; PSNR and SSIM always come along.
-        perceptual_images: at most so many of the images, evenly spread, are also judged by FLIP and LPIPS, which take long.
+        flip_images: at most so many of the images, evenly spread, are also judged by FLIP and LPIPS, which take long.
 
     Raises:
         OptionError: there is no image, or no such level or metric.
@@ -56,12 +56,12 @@ class Judging:
     levels: tuple[int, ...] = (1, 2, 3, 4)
     images: int = FRAMES
     metrics: tuple[str, ...] = METRICS
-    perceptual_images: int = 25
+    flip_images: int = 30
 
     def __post_init__(self) -> None:
         """Refuse what cannot be done."""
-        if min(self.images, self.perceptual_images) < 1:
-            fewer = min(self.images, self.perceptual_images)
+        if min(self.images, self.flip_images) < 1:
+            fewer = min(self.images, self.flip_images)
             raise OptionError(f"{fewer} images to judge by were asked for, expected at least 1")
         wrong = [level for level in self.levels if not 1 <= level <= 4]
         if wrong or len(set(self.levels)) < len(self.levels):
@@ -150,7 +150,7 @@ def level_file(folder: Path, level: int) -> Path:
 def planned_runs(
     out: Path, datasets: Sequence[Dataset], variants: Mapping[str, TrainOptions], seeds: int, judging: Judging
 ) -> tuple[PlannedRun, ...]:
-    """Give all runs, those of one capture and seed together.
+    """Give all runs: seed by seed, so that what is done at any time compares all variants, those of one capture and seed together.
 
     Args:
         out: the ablation's folder.
@@ -177,8 +177,8 @@ def planned_runs(
         )
     return tuple(
         PlannedRun(dataset, variant, replace(options, seed=seed), judging, out)
-        for dataset in datasets
         for seed in range(seeds)
+        for dataset in datasets
         for variant, options in variants.items()
     )
 
