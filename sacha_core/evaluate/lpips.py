@@ -13,11 +13,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from jaxtyping import Float, UInt8
-
 from sacha_core.errors import FormatError
 from sacha_core.perception.flip import unit_float32
+from sacha_core.perception.psnr import Image
 
 __all__ = ["FOLDER", "NETWORKS", "LpipsNetwork", "missing", "open_network", "weights_file"]
 
@@ -89,12 +87,12 @@ class LpipsNetwork:
         except (OSError, KeyError, TypeError, ValueError, RuntimeError, pickle.UnpicklingError, EOFError) as error:
             raise FormatError(f"{weights} does not hold the weights of {network}: {error}") from error
 
-    def __call__(self, drawn: Float[np.ndarray, "h w 3"], truth: UInt8[np.ndarray, "h w 3"]) -> float:
+    def __call__(self, drawn: Image, truth: Image) -> float:
         """Give the distance, 0 for equal images.
 
         Args:
-            drawn: (h, w, 3) sRGB in [0, 1]; clamped if beyond.
-            truth: (h, w, 3) the captured image.
+            drawn: (h, w, 3) sRGB, float in [0, 1] (clamped if beyond), or uint8.
+            truth: (h, w, 3), likewise.
         """
         torch = self._torch
         pair = [torch.from_numpy(unit_float32(image).transpose(2, 0, 1)[None].copy()) for image in (drawn, truth)]
