@@ -169,10 +169,11 @@ def plan(options: Options) -> tuple[PlannedRun, ...]:
 def judging_of(sweep: Sweep) -> Judging:
     """Give how runs are judged; FLIP, where nobody asks for it by name, only where its package is installed."""
     from sacha_core.evaluate.ablation.plan import Judging
-    from sacha_core.evaluate.picture_metrics import METRICS
+    from sacha_core.evaluate.picture_metrics import METRICS, require_metrics
     from sacha_core.perception.flip import missing
 
     metrics = sweep.metrics or tuple(name for name in METRICS if name != "flip" or missing() is None)
+    require_metrics(metrics)
     images = given(sweep.judge_images, QUICK_IMAGES if sweep.quick else IMAGES)
     perceptual = given(sweep.flip_images, QUICK_FLIP_IMAGES if sweep.quick else FLIP_IMAGES)
     return Judging(levels_of(sweep.levels), images, metrics, perceptual)

@@ -35,11 +35,14 @@ PACKAGES = {  # package: what it is needed for; the first ones are needed for ev
     "torch": "training on a CUDA device",
     "av": "render --video",
     "matplotlib": "figures",
+    "flip_evaluator": "FLIP, a metric of evaluate and ablate",
+    "scipy": "averages over rate-distortion curves",
+    "lpips": "LPIPS, a metric of evaluate and ablate",
     "gsplat": "drawing on it",
     "bpy": "Blender's own Python module",
 }
 REQUIRED = 5
-DISTRIBUTIONS = {"PIL": "pillow"}  # where the package index has another name
+DISTRIBUTIONS = {"PIL": "pillow", "flip_evaluator": "flip-evaluator"}  # where the package index has another name
 LOOKED_AT = 24  # views of a capture whose pixels are decoded
 ENOUGH_COVERED = (
     0.8  # of the vertices inside the mask: captures are masked below a line through the neck, which hides some

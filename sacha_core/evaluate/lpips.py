@@ -44,7 +44,7 @@ def missing(network: str) -> str | None:
     """Say what LPIPS with a network of `NETWORKS` needs that is not here, and how to get it; None where it can be measured."""
     lacking = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
     if lacking:
-        return f'LPIPS needs {" and ".join(lacking)}: python -m pip install "sacha[lpips]"'
+        return f"LPIPS needs {' and '.join(lacking)}: python -m pip install {' '.join(lacking)}"
     if weights_file(network) is None:
         name = NETWORKS[network]
         return (

@@ -13,11 +13,21 @@ from sacha_core.errors import OptionError
 from sacha_core.evaluate.lpips import NETWORKS, LpipsNetwork, open_network
 from sacha_core.interchange.capture import View
 from sacha_core.perception.flip import flip_map
+from sacha_core.perception.flip import missing as flip_lacks
 from sacha_core.perception.psnr import psnr, unit_range
 from sacha_core.perception.ssim import ssim
 from sacha_core.regions.scheme import PAPER, RegionScheme
 
-__all__ = ["DEFAULT_METRICS", "METRICS", "ImageScore", "PictureMetrics", "Quality", "RegionQuality", "ViewScores"]
+__all__ = [
+    "DEFAULT_METRICS",
+    "METRICS",
+    "ImageScore",
+    "PictureMetrics",
+    "Quality",
+    "RegionQuality",
+    "ViewScores",
+    "require_metrics",
+]
 
 METRICS = ("psnr", "ssim", "flip", "lpips")
 DEFAULT_METRICS = ("psnr", "ssim")  # what needs no package beyond the core's
@@ -132,6 +142,20 @@ def mean_of(values: Sequence[float | None]) -> float | None:
     return float(np.mean(found)) if found and len(found) == len(values) else None
 
 
+def require_metrics(metrics: Collection[str]) -> None:
+    """Check that metrics can be measured, before hours go by.
+
+    Raises:
+        OptionError: there is no such metric, or FLIP's package is missing.
+    """
+    unknown = sorted(set(metrics) - set(METRICS))
+    if unknown:
+        raise OptionError(f"no metric {unknown[0]!r}; there are {', '.join(METRICS)}")
+    lacking = flip_lacks() if "flip" in metrics else None
+    if lacking:
+        raise OptionError(lacking)
+
+
 class PictureMetrics:
     """Compares images one after the other, and sums up by region.
 
@@ -145,9 +169,7 @@ class PictureMetrics:
     """
 
     def __init__(self, metrics: Collection[str] = DEFAULT_METRICS, scheme: RegionScheme = PAPER) -> None:
-        unknown = sorted(set(metrics) - set(METRICS))
-        if unknown:
-            raise OptionError(f"no metric {unknown[0]!r}; there are {', '.join(METRICS)}")
+        require_metrics(metrics)
         self._metrics = frozenset(metrics)
         self._scheme = scheme
         self._networks: dict[str, LpipsNetwork | None] = (

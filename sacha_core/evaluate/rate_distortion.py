@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -85,8 +86,9 @@ def bytes_at(curve: Curve, quality: float) -> Interpolated:
     Source: as `bd_rate`.
     """
     low, high = curve.range
-    if len(curve.quality) < 2:
-        return Interpolated(None, TOO_FEW)
+    lacking = missing(curve)
+    if lacking:
+        return Interpolated(None, lacking)
     if not low <= quality <= high:
         return Interpolated(None, f"quality {quality:g} is outside what was measured, {low:g} to {high:g}")
     return Interpolated(10 ** float(log_bytes_of(curve)(quality)))
@@ -102,8 +104,9 @@ def quality_at(curve: Curve, n_bytes: float) -> Interpolated:
     Source: as `bd_quality`.
     """
     low, high = curve.n_bytes[0], curve.n_bytes[-1]
-    if len(curve.quality) < 2:
-        return Interpolated(None, TOO_FEW)
+    lacking = missing(curve)
+    if lacking:
+        return Interpolated(None, lacking)
     if not low <= n_bytes <= high:
         return Interpolated(None, f"{n_bytes:,.0f} bytes are outside what was measured, {low:,.0f} to {high:,.0f}")
     return Interpolated(float(quality_of(curve)(math.log10(n_bytes))))
@@ -148,7 +151,13 @@ def common_quality(curves: Iterable[Curve]) -> tuple[float, float] | None:
     return (low, high) if low <= high else None
 
 
-TOO_FEW = "two points of different quality or more are needed"
+def missing(*curves: Curve) -> str:
+    """Say why nothing can be interpolated; nothing where it can."""
+    if min(len(curve.quality) for curve in curves) < 2:
+        return "two points of different quality or more are needed"
+    if importlib.util.find_spec("scipy") is None:
+        return "curves need the package scipy: python -m pip install scipy"
+    return ""
 
 
 def mean_gap(
@@ -160,8 +169,9 @@ def mean_gap(
     second: tuple[float, float],
 ) -> Interpolated:
     """Average how far `test` lies above `anchor` over the part of the axis that both cover; `first` and `second` are what each does."""
-    if min(len(anchor.quality), len(test.quality)) < 2:
-        return Interpolated(None, TOO_FEW, 0.0)
+    lacking = missing(anchor, test)
+    if lacking:
+        return Interpolated(None, lacking, 0.0)
     low, high = max(first[0], second[0]), min(first[1], second[1])
     if low >= high:
         return Interpolated(None, f"the curves have no {axis} in common", 0.0)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sacha_core.errors import OptionError
+from sacha_core.evaluate import picture_metrics
 from sacha_core.evaluate.picture_metrics import PictureMetrics
 from sacha_core.evaluate.region_masks import NOWHERE, RegionMasks
 from sacha_core.evaluate.views import evaluate_avatar, score_views
@@ -81,3 +82,10 @@ def test_what_is_not_asked_for_is_not_measured(subject) -> None:
     assert scores.regions == {}
     with pytest.raises(OptionError, match="'vmaf'"):
         PictureMetrics(("vmaf",))
+
+
+def test_flip_without_its_package_is_refused_before_anything_is_drawn(subject, monkeypatch) -> None:
+    monkeypatch.setattr(picture_metrics, "flip_lacks", lambda: "FLIP needs something")
+    with pytest.raises(OptionError, match="FLIP needs something"):
+        PictureMetrics(("flip",))
+    PictureMetrics(("psnr", "ssim"))

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sacha_core.evaluate import rate_distortion
 from sacha_core.evaluate.rate_distortion import (
     bd_quality,
     bd_rate,
@@ -126,6 +127,14 @@ def test_without_anything_in_common_there_is_a_reason():
     for found in (bd_rate(anchor, alone), bd_quality(alone, anchor), bytes_at(alone, 31.0), quality_at(alone, 40e3)):
         assert found.value is None
         assert "two points" in found.reason
+
+
+def test_without_scipy_it_is_said_how_to_get_it(monkeypatch):
+    monkeypatch.setattr(rate_distortion.importlib.util, "find_spec", lambda _: None)
+    curve = rd_curve(LEVELS)
+    for found in (bd_rate(curve, curve), bytes_at(curve, 32.0)):
+        assert found.value is None
+        assert "pip install scipy" in found.reason
 
 
 @pytest.mark.parametrize("points", [[], [(0.0, 30.0)], [(10.0, float("inf"))], [(float("nan"), 30.0)]])
