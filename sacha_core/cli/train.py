@@ -26,7 +26,7 @@ LISTS = {"--list-options": "list_options"}  # flags by which the command prints 
 
 Variant = Literal[
     "ga", "default", "default-seen", "rad", "rad-gp-lgs", "rad-gp-pis", "default-gp-pis", "paper", "sacha",
-    "paper-inverted", "paper-random", "sacha-inverted", "sacha-random",
+    "paper-inverted", "paper-random", "sacha-inverted", "sacha-random", "sacha-uniform",
 ]  # fmt: skip
 MaybePreset = Optional[Literal["paper"]]  # noqa: UP045 (see cli/common.py)
 ITERATIONS = 6000  # some minutes on two cores

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,7 @@ HIGHEST = {"ratios": 1.0}
 ELSEWHERE = ("threads", "checkpoint_every", "image_cache_bytes", "device")
 AFTER_WARM_UP = (
     "variant", "pruning", "importance", "density.by_region", "density.means", "density.modulators", "density.region_weights",
-    "density.guard_faint", "schedule.calibrations", "schedule.prunings", "schedule.settling",
+    "density.guard_faint",
 )  # fmt: skip
 
 
@@ -183,10 +183,9 @@ def differing(a: TrainOptions, b: TrainOptions, until_warm_up: bool = False) -> 
         until_warm_up: whether only that counts which matters before warm-up ends.
     """
     ignored = ELSEWHERE + (AFTER_WARM_UP if until_warm_up else ())
-    first, second = flat(a.record()), flat(b.record())
     if until_warm_up:
-        for record in (first, second):
-            record["schedule.densify_until"] = min(record["schedule.densify_until"], record["schedule.warm_up"])
+        a, b = (replace(options, schedule=options.schedule.until_warm_up()) for options in (a, b))
+    first, second = flat(a.record()), flat(b.record())
     for name, value in first.items():
         if name in ignored or name.split(".", maxsplit=1)[0] in ignored:
             continue

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from sacha_core.errors import OptionError
@@ -97,6 +97,12 @@ class Schedule:
         """Iteration after which Gaussians are pruned by score for the last time, if at all; None for never."""
         moments = self.calibrations if self.prunings is None else self.prunings
         return max((moment for moment in moments if self.prunes(moment)), default=None)
+
+    def until_warm_up(self) -> Schedule:
+        """Give the schedule without what comes at the end of warm-up or later."""
+        resets = tuple(moment for moment in self.opacity_resets if moment < self.warm_up)
+        until = min(self.densify_until, self.warm_up)
+        return replace(self, calibrations=(), prunings=None, settling=None, opacity_resets=resets, densify_until=until)
 
     def densifies(self, iteration: int) -> bool:
         """Tell whether Gaussians are cloned, split and removed after this iteration."""

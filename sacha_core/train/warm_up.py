@@ -65,15 +65,10 @@ def warm_up_facts(options: TrainOptions) -> dict[str, Any]:
 
 def warm_up_options(options: TrainOptions) -> TrainOptions:
     """Give the options with everything at its default that matters only after warm-up."""
-    schedule = options.schedule
-    stripped = replace(
-        options,
-        schedule=replace(schedule, calibrations=(), densify_until=min(schedule.densify_until, schedule.warm_up)),
-    )
+    stripped = replace(options, schedule=options.schedule.until_warm_up())
     record, usual = stripped.record(), TrainOptions(variant=NAME).record()
     for name in AFTER_WARM_UP:
-        if name != "schedule.calibrations":
-            _copy(name.split("."), usual, record)
+        _copy(name.split("."), usual, record)
     return from_record(record)
 
 

@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 
 from sacha_core.cli.train import Variant
 from sacha_core.errors import OptionError
+from sacha_core.train.checkpoint import differing
 from sacha_core.train.options import TrainOptions, from_record
 from sacha_core.train.presets import VARIANTS, preset, scaled, variant
+from sacha_core.train.warm_up import warm_up_facts
 
 
 def test_the_paper_run() -> None:
@@ -55,7 +57,15 @@ def test_variants_differ_as_their_names_say() -> None:
     scopes = {name: of[name].pruning.scope for name in VARIANTS}
     assert [name for name in VARIANTS if scopes[name] == "none"] == ["ga", "default", "default-seen", "rad"]
     assert [name for name in VARIANTS if scopes[name] == "regions"] == ["paper", "paper-inverted", "paper-random"]
-    assert [name for name in VARIANTS if scopes[name] == "weighted"] == ["sacha", "sacha-inverted", "sacha-random"]
+    assert [name for name in VARIANTS if scopes[name] == "weighted"] == [
+        name for name in VARIANTS if name.startswith("sacha")
+    ]
+    assert {name for name in VARIANTS if of[name].pruning.score == "removal"} == {
+        name for name in VARIANTS if name.startswith("sacha")
+    }
+    assert {of[name].pruning.ratio for name in VARIANTS if not name.startswith("sacha")} == {0.2}
+    ours = of["sacha"].pruning
+    assert (ours.ratio, ours.ratio_lowest, ours.ratio_highest) == pytest.approx((0.22, 0.11, 0.44), rel=1e-12)
     assert {name for name in VARIANTS if of[name].pruning.score == "lgs"} == {"rad-gp-lgs"}
     assert of["sacha"].schedule.densify_until == max(of["sacha"].schedule.calibrations)
     assert of["default"].schedule.densify_until == 6000
@@ -63,8 +73,33 @@ def test_variants_differ_as_their_names_say() -> None:
     assert preset("ga").density.threshold == pytest.approx(2e-4, rel=1e-12)
 
 
-@pytest.mark.parametrize("rules", ["paper", "sacha"])
-@pytest.mark.parametrize("control", ["inverted", "random"])
+def test_sacha_ends_growth_and_pruning_early() -> None:
+    schedule = scaled(3000, "sacha").schedule
+    assert schedule.calibrations == (917, 1105, 1292, 1479, 1667)
+    assert schedule.densify_until == schedule.last_pruning == 1667
+    paper = preset("sacha").schedule
+    assert paper.calibrations == (110_000, 132_500, 155_000, 177_500, 200_000)
+    assert paper.opacity_resets == (10_000, 60_000, 120_000, 180_000)
+    assert all(paper.prunes(moment) for moment in paper.calibrations)
+    assert preset("sacha").pruning.ratio == 0.2
+
+
+@given(st.integers(1, 400_000), st.sampled_from(VARIANTS))
+def test_settling_takes_no_pruning_from_a_scaled_run(iterations, name) -> None:
+    schedule = scaled(iterations, name).schedule
+    assert all(schedule.prunes(moment) for moment in schedule.calibrations)
+
+
+@given(st.integers(200, 400_000), st.sampled_from(sorted(set(VARIANTS) - {"ga"})))
+def test_all_but_raw_gaussian_avatars_share_a_warm_up(iterations, name) -> None:
+    assert warm_up_facts(scaled(iterations, name)) == warm_up_facts(scaled(iterations, "sacha"))
+    assert differing(scaled(iterations, name), scaled(iterations, "sacha"), until_warm_up=True) is None
+
+
+@pytest.mark.parametrize(
+    ("rules", "control"),
+    [("paper", "inverted"), ("paper", "random"), ("sacha", "inverted"), ("sacha", "random"), ("sacha", "uniform")],
+)
 def test_a_control_differs_from_its_variant_by_the_modulators_alone(rules, control) -> None:
     of = scaled(6000, f"{rules}-{control}")
     assert of.density.modulators == control
