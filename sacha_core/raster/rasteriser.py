@@ -197,29 +197,28 @@ class Rasteriser:
         return result
 
     def removal_changes(
-        self, frame: Frame, truth: Float[np.ndarray, "c h w"], pixel_weights: Float[np.ndarray, "m h w"]
+        self, frame: Frame, pixel_weights: Float[np.ndarray, "m h w"], channels: int | None = None
     ) -> RemovalChanges:
-        """Give for each Gaussian by how much the picture and its error would change if it alone were not drawn.
+        """Give for each Gaussian by how much the picture would change if it alone were not drawn.
 
         Exact to float32's rounding but where a pixel is closed, its transmittance near 1e-4: there up to 1e-4 / (1 - alpha) of the
         pixel's light is taken to come from the background instead of from what was not drawn, and what closed it counts as unseen.
 
         Args:
             frame: what the last `forward` gave.
-            truth: (c, h, w) what the frame's first c channels should be, finite.
             pixel_weights: (m, h, w), finite.
+            channels: how many of the first ones count; None for all.
 
         Raises:
-            OptionError: the frame is not of the last `forward`, or a shape is wrong.
+            OptionError: the frame is not of the last `forward`, a shape is wrong, or there are fewer channels.
 
         Source: own.
         """
-        channels, size = len(truth), frame.transmittance.shape
-        if not 1 <= channels <= len(frame.background):
+        size, background = frame.transmittance.shape, frame.background[:channels]
+        if channels is not None and not 1 <= channels <= len(frame.background):
             raise OptionError(
-                f"the truth has {channels} channels, expected 1 to {len(frame.background)} as the frame has"
+                f"{channels} channels were asked for, expected 1 to {len(frame.background)} as the frame has"
             )
-        target = self._checked(frame, truth, (channels, *size)).ravel()
         weights = self._checked(frame, pixel_weights, (len(pixel_weights), *size))
         bins, ranges, scratch = frame.bins, frame.bins.ranges, self._scratch()
         sums = self._entry_sums(bins)
@@ -231,8 +230,8 @@ class Rasteriser:
             def job(worker: int, k: int, group: np.ndarray = group) -> None:
                 blend_removal(
                     ranges[k], ranges[k + 1], bins.start, bins.done, bins.entries, bins.projection.records, bins.x_lanes, bins.y_lanes,
-                    frame.background[:channels], frame.image.ravel(), frame.transmittance.ravel(), frame.camera.width,
-                    frame.camera.height, target, group, sums, scratch[worker],
+                    background, frame.image.ravel(), frame.transmittance.ravel(), frame.camera.width,
+                    frame.camera.height, group, sums, scratch[worker],
                 )  # fmt: skip
 
             self._pool.run(job, len(ranges) - 1)

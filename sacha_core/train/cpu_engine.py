@@ -121,8 +121,8 @@ class CpuEngine:
         """Give each Gaussian's blending weight summed over pixels of views of one timestep: plain, and by reference sensitivity."""
         return self._looker.weights(self._state, targets)
 
-    def removals(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 8"]:
-        """Give what views of one timestep change by where a Gaussian alone is removed, in four ways, each plain and by sensitivity."""
+    def removals(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 4"]:
+        """Give what views of one timestep change by where a Gaussian alone is removed: squared, absolute; plain and by sensitivity."""
         return self._looker.removals(self._state, targets, degree)
 
     def errors(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:

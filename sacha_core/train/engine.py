@@ -75,12 +75,11 @@ class Engine(Protocol):
         Leaves the gradients of the last `differentiate` as they are. A timestep that cannot be posed has no weights.
         """
 
-    def removals(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 8"]:
-        """Give by how much sums over pixels and colours of views of one timestep would grow if one Gaussian alone were not drawn.
+    def removals(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 4"]:
+        """Give by how much views of one timestep would change if one Gaussian alone were not drawn.
 
-        Eight numbers of each: the squared difference from the truth, plain and with each pixel weighted by its reference sensitivity; the
-        absolute difference, likewise; and the squared and the absolute difference from what is drawn now, likewise. The first four are
-        negative where views are better without; all are 0 where nothing shows the Gaussian. Pixels count with values from 0 to 1.
+        Four numbers of each, sums over pixels and colours: the squared change, plain and with each pixel weighted by its reference
+        sensitivity, and the absolute change, likewise. All are 0 where nothing shows the Gaussian. Values count from 0 to 1.
         See `sacha_core.raster.rasteriser.Rasteriser.removal_changes`.
 
         Leaves the gradients of the last `differentiate` as they are. A timestep that cannot be posed changes nothing.

@@ -17,10 +17,11 @@ from sacha_core.train.rig import Rig
 from sacha_core.train.state import FITTED_MOTION, TrainState
 from sacha_core.train.views import Target
 
-__all__ = ["REMOVALS", "Looker"]
+__all__ = ["Looker"]
 
 UNIT = np.float32(1 / 255)
-REMOVALS = 8  # numbers of a Gaussian: changes of four kinds, each plain and by reference sensitivity
+REMOVALS = 4  # numbers of a Gaussian: squared and absolute change, each plain and by reference sensitivity
+COLOURS = 3  # channels that come before the sensitivity
 
 
 class Looker:
@@ -49,20 +50,19 @@ class Looker:
             weights += self._rasteriser.colour_weights(drawing.frame, pixel_weights(target, drawing))
         return weights
 
-    def removals(self, state: TrainState, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 8"]:
+    def removals(self, state: TrainState, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 4"]:
         """See `sacha_core.train.engine.Engine.removals`."""
         changes = np.zeros((len(state), REMOVALS))
         for target, drawing in self._drawings(state, targets, degree):
-            images = truth(target, drawing), pixel_weights(target, drawing)
-            found = self._rasteriser.removal_changes(drawing.frame, *images)
-            changes += np.concatenate([found.squared, found.absolute, found.own_squared, found.own_absolute], axis=1)
+            found = self._rasteriser.removal_changes(drawing.frame, pixel_weights(target, drawing), COLOURS)
+            changes += np.concatenate([found.squared, found.absolute], axis=1)
         return changes
 
     def errors(self, state: TrainState, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:
         """See `sacha_core.train.engine.Engine.errors`."""
         errors = np.zeros((len(state), 2))
         for target, drawing in self._drawings(state, targets, degree):
-            error = np.abs(drawing.frame.image[:3] - truth(target, drawing)).sum(axis=0)
+            error = np.abs(drawing.frame.image[:COLOURS] - truth(target, drawing)).sum(axis=0)
             errors += self._rasteriser.colour_weights(drawing.frame, error * pixel_weights(target, drawing))
         return errors
 

@@ -15,7 +15,7 @@ from sacha_core.density.scores.volume import POWER
 
 __all__ = ["KNOWN_SCORES", "Evidence", "Score"]
 
-OWN_SQUARED, OWN_ABSOLUTE = 2, 3  # kinds of change that the pass `removal` sums, in its order
+SQUARED, ABSOLUTE = 0, 1  # kinds of change that the pass `removal` sums, in its order
 
 
 @dataclass(frozen=True)
@@ -79,6 +79,6 @@ def _removal(kind: int) -> Score:
 KNOWN_SCORES = {
     "pis": Score(_perceptual),
     "lgs": Score(_light_gaussian),
-    "removal": _removal(OWN_SQUARED),
-    "removal-absolute": _removal(OWN_ABSOLUTE),
+    "removal": _removal(SQUARED),
+    "removal-absolute": _removal(ABSOLUTE),
 }

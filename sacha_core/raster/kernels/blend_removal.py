@@ -1,9 +1,8 @@
-r"""What the picture's error changes by when one Gaussian is removed: the blending repeated, and for each entry the change it stands for.
+r"""What the picture changes by when one Gaussian is removed: the blending repeated, and for each entry the change it stands for.
 
 Without Gaussian i, light that it held back reaches what lies behind. With w its weight, T' the transmittance behind it and `rest` what
 lies behind as it is drawn now, background included, the pixel's colour changes by
-    d = w (rest / T' - c),
-and the error r = drawn - truth, summed over channels, by 2 r d + d^2 (squared) or |r + d| - |r| (absolute).
+    d = w (rest / T' - c).
 
 Exact but for pixels that closed. There the Gaussian that closed the pixel was not drawn, and light of up to 1 % of the pixel's went to the
 background in its stead; a removal lets up to 100 times as much through, and then draws it. A first pass over the entries therefore finds
@@ -62,14 +61,13 @@ from sacha_core.raster.kernels.layout import (
 
 F = np.float32
 IMAGES = 2  # of pixel weights
-KINDS = 4  # of change: of the squared and the absolute error, and of the picture itself, squared and absolute
+KINDS = 2  # of change: squared and absolute
 PARTS = KINDS * IMAGES  # sums of an entry: each kind with either image of weights
 CLOSING = F(1.01) * TRANSMITTANCE_MIN / (F(1) - ALPHA_MAX)  # a pixel that shows more of the background has not closed
-# planes of the scratch: what lies behind, the error, what the closing Gaussian would add, each of up to four channels; the transmittance
-# that closed the pixel, 0 where it is open; pixel weights; then the sums of each entry, lane by lane
+# planes of the scratch: what lies behind and what the closing Gaussian would add, each of up to four channels; the transmittance that
+# closed the pixel, 0 where it is open; pixel weights; then the sums of each entry, lane by lane
 REST = BATCH_SCRATCH
-ERROR = REST + 4 * TILE_PIXELS
-HELD = ERROR + 4 * TILE_PIXELS
+HELD = REST + 4 * TILE_PIXELS
 CLOSED = HELD + 4 * TILE_PIXELS
 WEIGHTS = CLOSED + TILE_PIXELS
 SUMS = WEIGHTS + IMAGES * TILE_PIXELS
@@ -121,13 +119,12 @@ def find_closings(entry, end, entries, records, x_tile, y_lanes, y_tile, backgro
 
 @inlined
 def removal(k, weight, share, opened, pixel, colour, scratch):
-    """Take one Gaussian's part from what lies behind, in one channel; give how the colour would change without it, and the error."""
+    """Take one Gaussian's part from what lies behind, in one channel, and give how the colour would change without it."""
     at = REST + k * TILE_PIXELS + pixel
     lit = weight * load_spread(scratch, colour + k)
     rest = load(scratch, at) - lit
     store(scratch, at, rest)
-    change = fma(opened, load(scratch, HELD + k * TILE_PIXELS + pixel), share * rest - lit)
-    return change, load(scratch, ERROR + k * TILE_PIXELS + pixel)
+    return fma(opened, load(scratch, HELD + k * TILE_PIXELS + pixel), share * rest - lit)
 
 
 @inlined
@@ -147,18 +144,13 @@ def remove_vector(word, vector, y, channels, scratch):
         share = select(open_, weight / run, zeros())  # alpha / (1 - alpha)
         more = splat(F(1)) + share
         opened = select(more * closed > splat(TRANSMITTANCE_MIN), more, zeros())
-        squared, change_of_absolute, own_squared, own_absolute = zeros(), zeros(), zeros(), zeros()
+        squared, straight = zeros(), zeros()
         for channel in range(channels):
-            change, error = removal(channel, weight, share, opened, pixel, colour, scratch)
-            own_squared = fma(change, change, own_squared)
-            own_absolute = own_absolute + absolute(change)
-            squared = fma(change, error, squared)
-            change_of_absolute = change_of_absolute + (absolute(error + change) - absolute(error))
-        squared = fma(splat(F(2)), squared, own_squared)
+            change = removal(channel, weight, share, opened, pixel, colour, scratch)
+            squared = fma(change, change, squared)
+            straight = straight + absolute(change)
         add(scratch, at, squared, plain, second)
-        add(scratch, at + IMAGES * LANES, change_of_absolute, plain, second)
-        add(scratch, at + 2 * IMAGES * LANES, own_squared, plain, second)
-        add(scratch, at + 3 * IMAGES * LANES, own_absolute, plain, second)
+        add(scratch, at + IMAGES * LANES, straight, plain, second)
     store(scratch, RUN + pixel, maximum(run, splat(FADED)))
 
 
@@ -191,24 +183,17 @@ def remove_each(entry, end, entries, records, x_tile, y_lanes, y_tile, channels,
                 load(scratch, at + LANES),
                 load(scratch, at + 2 * LANES),
                 load(scratch, at + 3 * LANES),
-                load(scratch, at + 4 * LANES),
-                load(scratch, at + 5 * LANES),
-                load(scratch, at + 6 * LANES),
-                load(scratch, at + 7 * LANES),
             )
             store(entry_sums, (entries[entry + k] >> TOP_SHIFT) * RECORD, sums(parts))
         entry += count
 
 
 @inlined
-def load_images(channels, image, truth, transmittance, pixel_weights, top, left, width, height, across, rows, scratch):
-    """Copy a tile's colours, errors, and weights; tell whether a pixel may have closed."""
+def load_images(channels, image, transmittance, pixel_weights, top, left, width, height, across, rows, scratch):
+    """Copy a tile's colours and weights; tell whether a pixel may have closed."""
     for k in range(channels):
         corner = (k * height + top) * width + left
         load_tile(image, corner, width, across, rows, scratch, REST + k * TILE_PIXELS)
-        load_tile(truth, corner, width, across, rows, scratch, ERROR + k * TILE_PIXELS)
-    for at in range(0, channels * TILE_PIXELS, LANES):
-        store(scratch, ERROR + at, load(scratch, REST + at) - load(scratch, ERROR + at))
     for k in range(IMAGES):
         corner = (k * height + top) * width + left
         load_tile(pixel_weights, corner, width, across, rows, scratch, WEIGHTS + k * TILE_PIXELS)
@@ -222,15 +207,14 @@ def load_images(channels, image, truth, transmittance, pixel_weights, top, left,
 @kernel
 def blend_removal(
     first_tile, last_tile, start, done, entries, records, x_lanes, y_lanes, background, image, transmittance, width, height,
-    truth, pixel_weights, entry_sums, scratch,
+    pixel_weights, entry_sums, scratch,
 ):  # fmt: skip
-    """Sum, for every entry of the tiles `first_tile` up to `last_tile`, how the error would change without it.
+    """Sum, for every entry of the tiles `first_tile` up to `last_tile`, how the picture would change without it.
 
     Arguments as of `blend_backward`; further
-        background: tuple of as many channels as are compared, the first ones of the image.
-        truth: (c, h, w) what the image should be, flat.
+        background: tuple of as many channels as count, the first ones of the image.
         pixel_weights: (2, h, w), flat.
-        entry_sums: (keys, 16) result, flat: of the error, then of the picture itself, squared and absolute, by either weight.
+        entry_sums: (keys, 16) result, flat: the squared and the absolute change, by either weight.
         scratch: (REMOVAL_SCRATCH,) aligned space.
     """
     channels, columns = len(background), len(x_lanes) // LANES
@@ -244,7 +228,7 @@ def blend_removal(
         rows, across = min(TILE_HEIGHT, height - top), min(TILE_WIDTH, width - left)
         x_tile, y_tile = load(x_lanes, tile % columns * LANES), tile // columns * TILE_VECTORS
         may_close = load_images(
-            channels, image, truth, transmittance, pixel_weights, top, left, width, height, across, rows, scratch
+            channels, image, transmittance, pixel_weights, top, left, width, height, across, rows, scratch
         )
         open_tile(scratch, across, rows)
         last = end if may_close else entry

@@ -179,8 +179,8 @@ class CudaEngine:
             found: np.ndarray = torch.where(posed, summed, 0).cpu().numpy()
         return found
 
-    def removals(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 8"]:
-        """Give what views of one timestep change by where a Gaussian alone is removed, in four ways, each plain and by sensitivity.
+    def removals(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 4"]:
+        """Give what views of one timestep change by where a Gaussian alone is removed: squared, absolute; plain and by sensitivity.
 
         Drawn on the CPU, since gsplat has no such pass: it is wanted a few times a run. Waits for the device.
         """
