@@ -51,8 +51,8 @@ STEPS = (
     Step("sacha over default", "sacha", "default"),
     Step("sacha over default-seen", "sacha", "default-seen"),
     Step("sacha over rad-gp-pis", "sacha", "rad-gp-pis"),
-    Step("sacha over the paper's", "sacha", "paper"),
-    Step("sacha over learned masks", "sacha", "mask"),
+    Step("sacha over paper", "sacha", "paper"),
+    Step("sacha over mask (learned)", "sacha", "mask"),
     Step("sacha's modulators over inverted ones", "sacha", "sacha-inverted"),
     Step("sacha's modulators over random ones", "sacha", "sacha-random"),
 )

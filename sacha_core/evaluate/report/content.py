@@ -54,6 +54,7 @@ class Content:
         conditions: what the figures were measured under, label to text.
         terms: words that the report uses, each with its explanation.
         sections: chapters.
+        overview: the outcome as a table; None where there is nothing to judge.
     """
 
     title: str
@@ -61,6 +62,7 @@ class Content:
     conditions: Mapping[str, str]
     terms: Mapping[str, str]
     sections: tuple[Section, ...]
+    overview: Grid | None = None
 
     @property
     def pictures(self) -> tuple[Picture, ...]:

@@ -18,7 +18,7 @@ __all__ = ["MEDIUM", "PAGE_INCHES", "SMALL", "file_name", "new_figure", "picture
 
 PAGE_INCHES = 11.0  # drawn at 100 dots an inch it fills the page
 SMALL, MEDIUM = 8.5, 10.0  # points
-PNG_DOTS_PER_INCH = 150
+PNG_DOTS_PER_INCH = {True: 150, False: 120}  # made of lines, of pixels
 COLOURS = 255
 FONTS: Any = {
     "font.family": "DejaVu Sans",  # comes with Matplotlib, so figures look the same everywhere
@@ -54,13 +54,13 @@ def picture(figure: Figure, name: str, title: str, caption: str, lines: bool = T
 
     drawn, small, vector = io.BytesIO(), io.BytesIO(), io.BytesIO()
     with rc_context(FONTS):
-        figure.savefig(drawn, format="png", dpi=PNG_DOTS_PER_INCH)
+        figure.savefig(drawn, format="png", dpi=PNG_DOTS_PER_INCH[lines])
         if lines:
             figure.savefig(vector, format="svg", metadata={"Date": None})
     image = Image.open(drawn).convert("RGB")
     if lines:  # flat inks: a palette takes a third of the bytes, and nobody sees it
         image = image.quantize(COLOURS, dither=Image.Dither.NONE)
-    image.save(small, "png", optimize=True)
+    image.save(small, "png", optimize=lines)
     return Picture(name, title, caption, small.getvalue(), vector.getvalue() if lines else None)
 
 

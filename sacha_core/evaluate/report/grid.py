@@ -18,7 +18,7 @@ class Grid:
         title: what it shows.
         note: what its figures mean.
         header: one title a column.
-        rows: cells, as many a row as there are titles.
+        rows: cells, as many a row as there are titles; a cell may have a second line.
         folded: whether a page hides it until asked.
     """
 

@@ -13,7 +13,7 @@ from sacha_core.evaluate.report.runs import Runs
 from sacha_core.evaluate.report.text import DECIMALS, value
 from sacha_core.regions.scheme import PAPER
 
-__all__ = ["SHORT_SETTINGS", "coded_grid", "region_count_grid", "region_quality_grid", "variant_grid"]
+__all__ = ["SHORT_SETTINGS", "TWO_LINES", "coded_grid", "region_count_grid", "region_quality_grid", "variant_grid"]
 
 SHORT_SETTINGS = {NOVEL_VIEW: "view", NOVEL_EXPRESSION: "expression"}
 KILOBYTE = 1000.0
@@ -24,6 +24,7 @@ METRIC_TITLES = {
     "lpips_vgg": "LPIPS (VGG)",
     "lpips_alex": "LPIPS (Alex)",
 }
+TWO_LINES = "Of two lines in a cell the first is the novel view's, the second the novel expression's."
 PLUS_MINUS = "Mean ± standard deviation over the seeds."
 
 
@@ -36,27 +37,32 @@ def variant_grid(runs: Runs, own: Sequence[Entry], lpips_hint: str) -> Grid:
         lpips_hint: how to get LPIPS, said where it was not measured.
     """
     find = Index(own, runs.dataset)
-    counts = ("Gaussians", "visible Gaussians", "hidden share", "empty faces")
-    pictures = [
-        (metric, setting)
-        for metric, setting in product(METRIC_TITLES, SETTINGS)
-        if any(_has(find(variant, metric, setting=setting, level=UNCOMPRESSED)) for variant in runs.variants)
+    names = ("Gaussians", "visible Gaussians", "hidden share", "empty faces", "training time")
+
+    def pictures(variant: str, metric: str) -> list[Entry | None]:
+        return [find(variant, metric, setting=setting, level=UNCOMPRESSED) for setting in SETTINGS]
+
+    shown = [
+        m for m in METRIC_TITLES if any(_has(entry) for variant in runs.variants for entry in pictures(variant, m))
     ]
-    lacking = [METRIC_TITLES[metric] for metric in METRIC_TITLES if metric not in {shown for shown, _ in pictures}]
-    note = f"{PLUS_MINUS} Pictures are drawn from the trained avatars themselves. View: held-out camera; expression: held-out sequence."
+    lacking = [title for metric, title in METRIC_TITLES.items() if metric not in shown]
+    note = f"{PLUS_MINUS} {TWO_LINES} Pictures are drawn from the trained avatars themselves."
     if lacking:
-        note += f" Not measured: {', '.join(lacking)}." + (
-            f" {lpips_hint}" if any("LPIPS" in name for name in lacking) else ""
-        )
-    header: tuple[str, ...] = ("variant", "seeds", "Gaussians", "visible", "hidden %", "empty faces", "training (s)")
-    header += tuple(f"{METRIC_TITLES[metric]}, {SHORT_SETTINGS[setting]}" for metric, setting in pictures)
+        note += f" Not measured: {', '.join(lacking)}." + (f" {lpips_hint}" if "LPIPS" in lacking[-1] else "")
+    header = (
+        "variant",
+        "seeds",
+        "Gaussians",
+        "visible",
+        "hidden %",
+        "empty faces",
+        "training (s)",
+        *(METRIC_TITLES[m] for m in shown),
+    )
     rows = []
     for variant in runs.variants:
-        cells = [value(find(variant, name), DECIMALS[name]) for name in (*counts, "training time")]
-        cells += [
-            value(find(variant, metric, setting=setting, level=UNCOMPRESSED), DECIMALS[metric])
-            for metric, setting in pictures
-        ]
+        cells = [value(find(variant, name), DECIMALS[name]) for name in names]
+        cells += ["\n".join(value(entry, DECIMALS[m]) for entry in pictures(variant, m)) for m in shown]
         rows.append((variant, _seeds(runs, variant), *cells))
     return Grid("Each variant before coding", note, header, tuple(rows))
 
@@ -64,17 +70,19 @@ def variant_grid(runs: Runs, own: Sequence[Entry], lpips_hint: str) -> Grid:
 def coded_grid(runs: Runs, own: Sequence[Entry]) -> Grid:
     """Lay out what each variant came to at each level of the codec."""
     find = Index(own, runs.dataset)
-    pictures = list(product(("psnr", "ssim", "flip"), SETTINGS))
-    header: tuple[str, ...] = ("variant", "level", "Gaussians (KB)")
-    header += tuple(f"{METRIC_TITLES[metric]}, {SHORT_SETTINGS[setting]}" for metric, setting in pictures)
+    metrics = ("psnr", "ssim", "flip")
     rows = []
     for variant, level in product(runs.variants, runs.levels):
         size = value(find(variant, BYTES, level=level), 1, KILOBYTE)
         cells = [
-            value(find(variant, metric, setting=setting, level=level), DECIMALS[metric]) for metric, setting in pictures
+            "\n".join(
+                value(find(variant, metric, setting=setting, level=level), DECIMALS[metric]) for setting in SETTINGS
+            )
+            for metric in metrics
         ]
         rows.append((variant, str(level), size, *cells))
-    note = f"{PLUS_MINUS} 1 KB is 1000 bytes; bytes of the Gaussians alone, motion not counted."
+    note = f"{PLUS_MINUS} {TWO_LINES} 1 KB is 1000 bytes; bytes of the Gaussians alone, motion not counted."
+    header = ("variant", "level", "Gaussians (KB)", *(METRIC_TITLES[metric] for metric in metrics))
     return Grid("Each variant at each level of the codec", note, header, tuple(rows), folded=True)
 
 

@@ -9,6 +9,7 @@ from sacha_core.evaluate.report.grid import Grid
 
 __all__ = ["markdown_report"]
 
+BREAK = {"\n": "<br>", "\r": " "}
 SPECIAL = "\\`*_{}[]<>#|&"  # what Markdown or the HTML in it would take for its own
 
 
@@ -25,6 +26,8 @@ def markdown_report(content: Content, figures: Mapping[str, str]) -> str:
 def _parts(content: Content, figures: Mapping[str, str]) -> Iterator[str]:
     yield f"# {escaped(content.title)}"
     yield from (escaped(line) for line in content.summary)
+    if content.overview is not None:
+        yield _table(content.overview)
     yield "## Conditions"
     yield "\n".join(f"- **{escaped(label)}**: {escaped(text)}" for label, text in content.conditions.items())
     for section in content.sections:
@@ -38,7 +41,7 @@ def _parts(content: Content, figures: Mapping[str, str]) -> Iterator[str]:
 
 def escaped(text: str) -> str:
     """Give text that Markdown shows as it is."""
-    return "".join("\\" + letter if letter in SPECIAL else " " if letter in "\r\n" else letter for letter in text)
+    return "".join("\\" + letter if letter in SPECIAL else BREAK.get(letter, letter) for letter in text)
 
 
 def _figure(picture: Picture, path: str) -> str:

@@ -26,9 +26,13 @@ def _parts(content: Content) -> Iterator[str]:
     yield f"<title>{escape(content.title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>"
     yield f"<header><h1>{escape(content.title)}</h1>"
     yield from (f'<p class="summary">{escape(line)}</p>' for line in content.summary)
+    links = [(_anchor(k), section.title) for k, section in enumerate(content.sections)]
+    links += [("conditions", "Conditions"), ("words", "Words")]
+    linked = [f'<a href="#{anchor}">{escape(title)}</a>' for anchor, title in links]
+    yield f"<nav>{' · '.join(linked)}</nav>"
+    if content.overview is not None:
+        yield _table(content.overview)
     yield "</header>"
-    yield f"<nav>{' · '.join(f'<a href=#{_anchor(k)}>{escape(s.title)}</a>' for k, s in enumerate(content.sections))}"
-    yield ' · <a href="#conditions">Conditions</a> · <a href="#words">Words</a></nav>'
     for k, section in enumerate(content.sections):
         yield f'<section id="{_anchor(k)}"><h2>{escape(section.title)}</h2>'
         yield from (f"<p>{escape(line)}</p>" for line in section.paragraphs)
@@ -64,10 +68,17 @@ def _table(grid: Grid) -> str:
 
 
 def _cell(text: str, place: int) -> str:
+    first, _, rest = text.partition("\n")
     if place == 0:
-        return f'<th scope="row">{escape(text)}</th>'
-    tone = TONES.get(text.partition(":")[0])
-    return f"<td>{escape(text)}</td>" if tone is None else f'<td class="{tone}">{escape(text)}</td>'
+        return f'<th scope="row">{escape(first)}{_second(rest)}</th>'
+    tone = TONES.get(first.partition(":")[0])
+    shown = escape(first) if tone is None else f'<span class="{tone}">{escape(first)}</span>'
+    return f"<td>{shown}{_second(rest)}</td>"
+
+
+def _second(text: str) -> str:
+    """Set a cell's second line."""
+    return f"<small>{escape(text)}</small>" if text else ""
 
 
 def _list(anchor: str, title: str, entries: Mapping[str, str]) -> str:

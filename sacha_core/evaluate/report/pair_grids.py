@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 
 from sacha_core.evaluate.ablation.result import UNCOMPRESSED
-from sacha_core.evaluate.report.comparisons import STEPS
+from sacha_core.evaluate.report.comparisons import BYTE_TARGETS, STEPS, Step
 from sacha_core.evaluate.report.entry import SETTINGS, Entry
 from sacha_core.evaluate.report.grid import Grid, Index
-from sacha_core.evaluate.report.grids import SHORT_SETTINGS
+from sacha_core.evaluate.report.grids import SHORT_SETTINGS, TWO_LINES
 from sacha_core.evaluate.report.own import BYTES
 from sacha_core.evaluate.report.rates import BD_RATE, EQUAL_BYTES, TOP_BYTES
 from sacha_core.evaluate.report.runs import Runs
@@ -17,8 +16,9 @@ from sacha_core.evaluate.report.targets import Outcome
 from sacha_core.evaluate.report.text import DECIMALS, MISSING, difference, number
 from sacha_core.regions.scheme import PAPER
 
-__all__ = ["difference_grid", "equal_flip_grid", "rate_grid", "region_rate_grid", "target_grid"]
+__all__ = ["difference_grid", "equal_flip_grid", "glance_grid", "rate_grid", "region_rate_grid", "target_grid"]
 
+THOUSANDTH = 1e-3
 PAIRED = "Mean ± standard deviation of the differences by seed; in brackets how many of the pairs are above 0."
 
 
@@ -29,10 +29,10 @@ def target_grid(outcomes: Sequence[Outcome]) -> Grid:
         by_claim.setdefault(outcome.claim, []).append(outcome)
     header = (
         "sacha is meant to reach",
-        *(text for name in SHORT_SETTINGS.values() for text in (f"measured, {name}", f"{name}")),
+        *(f"{text}, {name}" for name in SHORT_SETTINGS.values() for text in ("measured", "verdict")),
     )
     rows = tuple(
-        (claim, *(text for one in found for text in (_measured(one.measured), _verdict(one))))
+        (claim, *(text for one in found for text in (_rate(one.measured), _verdict(one))))
         for claim, found in by_claim.items()
     )
     note = (
@@ -41,14 +41,35 @@ def target_grid(outcomes: Sequence[Outcome]) -> Grid:
     return Grid("Targets", note, header, rows)
 
 
+def glance_grid(outcomes: Sequence[Outcome]) -> Grid:
+    """Lay out the targets of all captures in a few lines: bytes by pair, and how many of FLIP's targets held."""
+    rows = []
+    for dataset, setting in dict.fromkeys((one.measured.dataset, one.measured.setting) for one in outcomes):
+        here = [one for one in outcomes if (one.measured.dataset, one.measured.setting) == (dataset, setting)]
+        cells = []
+        for target in BYTE_TARGETS:
+            (bytes_needed,) = [o for o in here if o.measured.against == target.against and o.measured.unit == "%"]
+            cells.append(f"{bytes_needed.verdict}\n{_rate(bytes_needed.measured)}")
+        perceived = [one for one in here if one.measured.unit != "%"]
+        decided = [one for one in perceived if one.verdict != "not decided"]
+        held = sum(one.verdict == "held" for one in decided)
+        verdict = "not decided" if not decided else "held" if held == len(perceived) else "not held"
+        rows.append(
+            (f"{dataset}\nnovel {SHORT_SETTINGS[setting or '']}", *cells, f"{verdict}\n{held} of {len(perceived)} held")
+        )
+    header = (
+        "capture",
+        *(f"bytes against {t.against}: {t.fewer_percent:g} % fewer wanted" for t in BYTE_TARGETS),
+        "all targets of FLIP",
+    )
+    return Grid("At a glance: sacha at equal PSNR", PAIRED, header, tuple(rows))
+
+
 def difference_grid(runs: Runs, entries: Sequence[Entry], baseline: str) -> Grid:
     """Lay out every variant's differences from the baseline before coding, and its bytes at the finest level."""
     find = Index(entries, runs.dataset)
     finest = max(runs.levels, default=None)
-    pictures = list(product(("psnr", "ssim", "flip"), SETTINGS))
-    header = ["variant", "Gaussians", "visible", "hidden share, points"]
-    header += [] if finest is None else [f"bytes at level {finest}"]
-    header += [f"{metric.upper()}, {SHORT_SETTINGS[setting]}" for metric, setting in pictures]
+    metrics = ("psnr", "ssim", "flip")
     rows = []
     for variant in runs.variants:
         if variant == baseline:
@@ -56,90 +77,89 @@ def difference_grid(runs: Runs, entries: Sequence[Entry], baseline: str) -> Grid
         cells = [difference(find(variant, name, against=baseline), 1) for name in ("Gaussians", "visible Gaussians")]
         cells += [_points(find(variant, "hidden share", against=baseline))]
         cells += [] if finest is None else [difference(find(variant, BYTES, against=baseline, level=finest), 1)]
-        cells += [
-            difference(find(variant, metric, against=baseline, setting=setting, level=UNCOMPRESSED), DECIMALS[metric])
-            for metric, setting in pictures
-        ]
+        for metric in metrics:
+            both = [
+                find(variant, metric, against=baseline, setting=setting, level=UNCOMPRESSED) for setting in SETTINGS
+            ]
+            cells.append("\n".join(difference(entry, DECIMALS[metric]) for entry in both))
         rows.append((variant, *cells))
-    return Grid(f"Differences from {baseline}, before coding", PAIRED, tuple(header), tuple(rows))
+    bytes_title = () if finest is None else (f"bytes at level {finest}",)
+    header = ("variant", "Gaussians", "visible", "hidden share, points", *bytes_title, "PSNR (dB)", "SSIM", "FLIP")
+    return Grid(f"Differences from {baseline}, before coding", f"{PAIRED} {TWO_LINES}", header, tuple(rows))
 
 
 def rate_grid(runs: Runs, entries: Sequence[Entry]) -> Grid:
     """Lay out each step's change of Gaussians, and of bytes at equal quality."""
     find = Index(entries, runs.dataset)
+    quantities = {
+        f"{BD_RATE} (psnr)": "bytes at equal PSNR",
+        f"{TOP_BYTES} (psnr)": "at the best common PSNR",
+        f"{BD_RATE} (flip)": "bytes at equal FLIP",
+    }
     rows = []
-    for step in STEPS:
-        if not {step.variant, step.against} <= set(runs.variants):
-            continue
+    for step in _run(runs):
         cells = [difference(find(step.variant, "Gaussians", against=step.against), 1)]
-        for quantity, setting in product((f"{BD_RATE} (psnr)", f"{TOP_BYTES} (psnr)", f"{BD_RATE} (flip)"), SETTINGS):
-            cells.append(_rate(find(step.variant, quantity, against=step.against, setting=setting)))
-        rows.append((step.name, f"{step.variant} against {step.against}", *cells))
-    header: tuple[str, ...] = ("step", "pair", "Gaussians")
-    for title in ("bytes at equal PSNR", "at the best common PSNR", "bytes at equal FLIP"):
-        header += tuple(f"{title}, {name}" for name in SHORT_SETTINGS.values())
-    note = f"{PAIRED} Bytes of the Gaussians after coding; below 0 the first of the pair needs fewer. At equal quality is the BD-rate."
-    return Grid("Steps: bytes at equal quality", note, header, tuple(rows))
+        cells += [_both(find, step, quantity) for quantity in quantities]
+        rows.append((_named(step), *cells))
+    note = (
+        f"{PAIRED} {TWO_LINES} Bytes of the Gaussians after coding; below 0 the first of the pair needs fewer. At equal PSNR or FLIP: "
+        "the BD-rate."
+    )
+    return Grid("Steps: bytes at equal quality", note, ("step", "Gaussians", *quantities.values()), tuple(rows))
 
 
 def equal_flip_grid(runs: Runs, entries: Sequence[Entry]) -> Grid:
     """Lay out each step's change of FLIP at equal bytes, overall and where people look."""
     find = Index(entries, runs.dataset)
-    places = list(product((None, "mouth", "eyes", "ears"), SETTINGS))
-    rows = [
-        (
-            step.name,
-            f"{step.variant} against {step.against}",
-            *(
-                _rate(
-                    find(step.variant, f"{EQUAL_BYTES} (flip)", against=step.against, setting=setting, region=region), 4
-                )
-                for region, setting in places
-            ),
-        )
-        for step in STEPS
-        if {step.variant, step.against} <= set(runs.variants)
-    ]
-    header = ("step", "pair", *(f"{region or 'overall'}, {SHORT_SETTINGS[setting]}" for region, setting in places))
-    return Grid("Steps: FLIP at equal bytes", f"{PAIRED} Below 0 the first of the pair is better.", header, tuple(rows))
+    places = (None, "mouth", "eyes", "ears", "nose", "face")
+    quantity = f"{EQUAL_BYTES} (flip)"
+    rows = [(_named(step), *(_both(find, step, quantity, region) for region in places)) for step in _run(runs)]
+    note = f"{PAIRED} {TWO_LINES} FLIP in thousandths; below 0 the first of the pair is better."
+    return Grid("Steps: FLIP at equal bytes", note, ("step", *(region or "overall" for region in places)), tuple(rows))
 
 
 def region_rate_grid(runs: Runs, entries: Sequence[Entry]) -> Grid:
     """Lay out each step's change of bytes at equal PSNR of each region."""
     find = Index(entries, runs.dataset)
-    rows = [
-        (
-            f"{step.variant} against {step.against}",
-            SHORT_SETTINGS[setting],
-            *(
-                _rate(find(step.variant, f"{BD_RATE} (psnr)", against=step.against, setting=setting, region=region))
-                for region in (None, *PAPER.regions)
-            ),
-        )
-        for step, setting in product(STEPS, SETTINGS)
-        if {step.variant, step.against} <= set(runs.variants)
-    ]
-    header = ("pair", "setting", "overall", *PAPER.regions)
-    note = f"{PAIRED} BD-rate: bytes of all Gaussians at equal PSNR of the region."
+    places = (None, *PAPER.regions)
+    quantity = f"{BD_RATE} (psnr)"
+    rows = [(_named(step), *(_both(find, step, quantity, region) for region in places)) for step in _run(runs)]
+    note = f"{PAIRED} {TWO_LINES} BD-rate: bytes of all Gaussians at equal PSNR of the region."
+    header = ("step", "overall", *PAPER.regions)
     return Grid("Steps: bytes at equal PSNR within each region", note, header, tuple(rows), folded=True)
 
 
-def _measured(entry: Entry) -> str:
-    return _rate(entry, 1 if entry.unit == "%" else 4)
+def _run(runs: Runs) -> list[Step]:
+    """Give the steps both of whose variants were run."""
+    return [step for step in STEPS if {step.variant, step.against} <= set(runs.variants)]
+
+
+def _both(find: Index, step: Step, quantity: str, region: str | None = None) -> str:
+    """Set a comparison of curves in both settings, one a line."""
+    entries = [
+        find(step.variant, quantity, against=step.against, setting=setting, region=region) for setting in SETTINGS
+    ]
+    return "\n".join(_rate(entry) for entry in entries)
 
 
 def _verdict(outcome: Outcome) -> str:
-    return outcome.verdict + (f": {outcome.remark}" if outcome.remark else "")
+    return outcome.verdict + (f"\n{outcome.remark}" if outcome.remark else "")
 
 
-def _rate(entry: Entry | None, decimals: int = 1) -> str:
-    """Set a comparison of curves; where none has a value, say why."""
+def _rate(entry: Entry | None) -> str:
+    """Set a comparison of curves, FLIP's in thousandths; where none has a value, say why."""
     if entry is None:
         return MISSING
     if entry.n_seeds:
-        return difference(entry, decimals)
+        return difference(entry, 1) if entry.unit == "%" else difference(entry, 1, THOUSANDTH)
     reasons = {reason.partition(": ")[2] or reason for reason in entry.seeds.missing.values()}
     return "; ".join(sorted(reasons)) or MISSING
+
+
+def _named(step: Step) -> str:
+    if step.variant in step.name and step.against in step.name:
+        return step.name
+    return f"{step.name}\n{step.variant} against {step.against}"
 
 
 def _points(entry: Entry | None) -> str:

@@ -12,7 +12,17 @@ from sacha_core.evaluate.report.own import NO_RUN, NOT_MEASURED, PLACES
 from sacha_core.evaluate.report.quantities import PICTURE, picture_value
 from sacha_core.evaluate.report.runs import Runs
 
-__all__ = ["BD_RATE", "EQUAL_BYTES", "LOWER_IS_BETTER", "OVERLAP", "RATES", "TOP_BYTES", "curve_of", "rate_entries"]
+__all__ = [
+    "BD_RATE",
+    "EQUAL_BYTES",
+    "LOWER_IS_BETTER",
+    "OVERLAP",
+    "RATES",
+    "TOP_BYTES",
+    "curve_of",
+    "dropped_points",
+    "rate_entries",
+]
 
 RATES = "rates"
 BD_RATE, EQUAL_BYTES, TOP_BYTES = "BD-rate", "difference at equal bytes", "bytes at the best common quality"
@@ -62,6 +72,20 @@ def rate_entries(runs: Runs, pairs: Sequence[tuple[str, str]]) -> list[Entry]:
     """
     known = lru_cache(maxsize=None)(lambda variant, seed, place: curve_of(runs, variant, seed, place))
     return [entry for pair, setting in product(pairs, SETTINGS) for entry in _of_pair(runs, pair, setting, known)]
+
+
+def dropped_points(runs: Runs) -> tuple[str, ...]:
+    """Say which coded levels lie on no curve, since another one is as good with no more bytes."""
+    found: dict[str, list[str]] = {}
+    for variant, seed, setting, metric in product(runs.variants, runs.seeds, SETTINGS, ("psnr", "flip")):
+        curve = curve_of(runs, variant, seed, (setting, metric, None))
+        if not isinstance(curve, str) and curve.dropped:
+            name = f"{metric.upper()} of {setting.replace('_', ' ')}s"
+            found.setdefault(name, []).append(f"{variant} (seed {seed}, {len(curve.dropped)})")
+    return tuple(
+        f"Levels that are no better than a smaller one, and left out of the curves of {name}: {', '.join(some)}."
+        for name, some in found.items()
+    )
 
 
 def _of_pair(

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from sacha_core.evaluate.report.entry import Entry, Seeds
 from sacha_core.evaluate.report.grid import Grid
+from sacha_core.evaluate.report.own import NOT_MEASURED
 from sacha_core.evaluate.report.targets import Outcome
 from sacha_core.files import write_aside
 
@@ -36,7 +37,7 @@ def write_json(
             {"claim": one.claim, "verdict": one.verdict, "remark": one.remark, "measured": one.measured.record()}
             for one in outcomes
         ],
-        "entries": [entry.record() for entry in entries],
+        "entries": [entry.record() for entry in entries if measured(entry)],
         "tables": {dataset: [asdict(grid) for grid in some] for dataset, some in grids.items()},
     }
     text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
@@ -50,10 +51,15 @@ def write_csv(path: Path, entries: Sequence[Entry]) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    records = [entry.record() for entry in entries]
+    records = [entry.record() for entry in entries if measured(entry)]
     for record in records:
         record["by_seed"] = ";".join(f"{seed}={value!r}" for seed, value in record["by_seed"].items())
     with write_aside(path) as aside, aside.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, COLUMNS)
         writer.writeheader()
         writer.writerows(records)
+
+
+def measured(entry: Entry) -> bool:
+    """Whether an entry has a value, or a reason for having none that says more than that nobody measured it."""
+    return entry.n_seeds > 0 or not all(reason.endswith(NOT_MEASURED) for reason in entry.seeds.missing.values())

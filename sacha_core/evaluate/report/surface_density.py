@@ -41,11 +41,12 @@ def smooth_density(
     doubled = np.linalg.norm(normals, axis=1)
     normals /= np.maximum(doubled, np.finfo(float).tiny)[:, None]
     centres = corners.mean(axis=1)
+    lengths = (centres**2).sum(axis=1)
     sums = np.concatenate([counts, 0.5 * doubled[None]]).T
     found = np.empty_like(sums)
     for start in range(0, len(faces), CHUNK):
         rows = slice(start, start + CHUNK)
-        squared = ((centres[rows, None] - centres[None]) ** 2).sum(axis=2)
+        squared = lengths[rows, None] + lengths - 2 * (centres[rows] @ centres.T)
         near = (squared <= radius_m**2) & (normals[rows] @ normals.T > FACING)
         near[np.arange(near.shape[0]), np.arange(start, start + near.shape[0])] = True  # itself, even without an area
         found[rows] = near @ sums

@@ -83,14 +83,13 @@ def _find(
             entry.region,
         ) == wanted:
             return entry
-    return Entry(RATES, dataset, pair[0], quantity, "", Seeds({}), pair[1], setting, region)
+    unit = "%" if quantity.startswith(BD_RATE) else ""
+    return Entry(RATES, dataset, pair[0], quantity, unit, Seeds({}), pair[1], setting, region)
 
 
 def _judged(claim: str, found: Entry, reached: bool, spread_needed: bool = False) -> Outcome:
     if not found.n_seeds:
-        return Outcome(
-            claim, found, "not decided", found.why_missing or f"{found.variant} and {found.against} were not both run"
-        )
+        return Outcome(claim, found, "not decided", found.why_missing or "not both were run")
     if found.seeds.missing:
         return Outcome(claim, found, "not decided", found.why_missing)
     if spread_needed and found.n_seeds < 2:

@@ -39,12 +39,12 @@ def value(entry: Entry | None, decimals: int, per: float = 1.0) -> str:
     return _mean_and_spread(entry, decimals, per, signed=False) + _how_many(entry)
 
 
-def difference(entry: Entry | None, decimals: int) -> str:
-    """Set mean and spread of paired differences, and how many of the pairs are positive."""
+def difference(entry: Entry | None, decimals: int, per: float = 1.0) -> str:
+    """Set mean and spread of paired differences, and how many of the pairs are positive; arguments as of `value`."""
     if entry is None or not entry.n_seeds:
         return MISSING
     percent = " %" if entry.unit == "%" else ""
-    return f"{_mean_and_spread(entry, decimals, 1.0, signed=True)}{percent} ({entry.n_positive}/{entry.n_seeds}){_how_many(entry)}"
+    return f"{_mean_and_spread(entry, decimals, per, signed=True)}{percent} ({entry.n_positive}/{entry.n_seeds}){_how_many(entry)}"
 
 
 def _mean_and_spread(entry: Entry, decimals: int, per: float, signed: bool) -> str:

@@ -47,10 +47,15 @@ TERMS: Mapping[str, str] = {
 }
 
 
+PURPOSE = (
+    "Avatars of the same head were trained with different rules for where their Gaussians go, coded, and judged on images that training "
+    "never saw. Each rule was run with several seeds; two rules are compared seed by seed, since only such paired differences are to be "
+    "trusted."
+)
+
+
 def summary_of(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
     """Say how many of the targets held, and which did not."""
-    if not outcomes:
-        return ()
     count = {
         verdict: sum(outcome.verdict == verdict for outcome in outcomes)
         for verdict in ("held", "not held", "not decided")
@@ -59,7 +64,7 @@ def summary_of(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
         f"Of {len(outcomes)} targets (each on one capture and in one setting) {count['held']} held, {count['not held']} did not, "
         f"{count['not decided']} could not be decided from these runs."
     )
-    return (first,)
+    return (PURPOSE, first)
 
 
 def conditions_of(every: Sequence[Runs], given: Mapping[str, str]) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,7 +23,7 @@ from sacha_core.evaluate.report.heat_figure import draw_heat_maps
 from sacha_core.evaluate.report.markdown import markdown_report
 from sacha_core.evaluate.report.own import own_entries
 from sacha_core.evaluate.report.page import html_report
-from sacha_core.evaluate.report.rates import rate_entries
+from sacha_core.evaluate.report.rates import dropped_points, rate_entries
 from sacha_core.evaluate.report.run_files import RunFiles
 from sacha_core.evaluate.report.runs import Runs
 from sacha_core.evaluate.report.step_figure import draw_steps
@@ -37,6 +38,7 @@ __all__ = ["ReportPaths", "write_report"]
 
 TITLE = "Where the Gaussians went, and what it bought"
 FIGURES = "figures"
+PACKAGES = ("scipy", "matplotlib")
 NO_MODELS = "There are no heat maps: none of the runs' models was found."
 NO_FILES = "There are no pictures close by: none of the runs' coded avatars was found."
 NO_HEADS = "There are no pictures of heads: the capture or the folder of the runs was not given."
@@ -106,12 +108,15 @@ def write_report(
         The files written.
 
     Raises:
-        OptionError: there are no results, or two of the same run.
+        OptionError: there are no results, or two of the same run, or a package is missing.
         SachaError: a run's files are damaged.
         OSError: a file cannot be read or written.
     """
     if not results:
         raise OptionError("there are no results to report, expected at least one run's")
+    for package in PACKAGES:
+        if importlib.util.find_spec(package) is None:
+            raise OptionError(f'a report needs {package}: python -m pip install "sacha[judge,shell]"')
     every, found = Runs.by_dataset(results), []
     for k, some in enumerate(every, 1):
         subject = (subjects or {}).get(some.dataset)
@@ -148,7 +153,7 @@ def findings(runs: Runs, baseline: str, subject: Subject | None, folder: Path | 
     )
     filled = tuple(table for table in tables if table.rows)
     pictures = [draw_curves(runs, own), draw_steps(runs, rates), draw_allocation(runs, own)]
-    remarks = list(remarks_of(runs))
+    remarks = [*remarks_of(runs), *dropped_points(runs)]
     if subject is None or folder is None:
         remarks.append(NO_HEADS)
     else:
@@ -166,9 +171,8 @@ def content_of(found: Sequence[Findings], conditions: Mapping[str, str]) -> Cont
         Section(f"Capture {one.runs.dataset}", one.remarks, (*one.tables[:1], *one.pictures, *one.tables[1:]))
         for one in found
     )
-    return Content(
-        TITLE, summary_of([outcome for one in found for outcome in one.outcomes]), conditions, TERMS, sections
-    )
+    outcomes = [outcome for one in found for outcome in one.outcomes]
+    return Content(TITLE, summary_of(outcomes), conditions, TERMS, sections, pair_grids.glance_grid(outcomes))
 
 
 def _write_picture(path: Path, picture: Picture) -> Path:
