@@ -1,5 +1,7 @@
-"""Multi-view captures of a made-up person, drawn by a renderer that is not the model fitted to them.
+"""Multi-view captures: of a made-up person, drawn by a renderer that is not the model fitted to them, or of an avatar somebody has already.
 
-`options` and `sequences` say what is performed, `cameras` from where it is seen; `landmarks`, `skin`, `hair`, `brows` and `palette` give a
-head its appearance (`subject`), `light` shadows it, `renderer` draws it, and `film` puts all together.
+`options` says what is made, `cameras` from where it is seen. The made-up person performs `sequences`; `landmarks`, `skin`, `hair`, `brows`
+and `palette` give a head its appearance (`subject`), `light` shadows it, `renderer` draws it, and `film` puts all together. An avatar acts
+(`acting`; `arkit_face`, `arkit_acting` and `tracks` for ARKit's blend shapes) or follows `excerpts` of a motion; `framing` moves the rig to
+it, and `avatar_film` puts all together.
 """
