@@ -31,6 +31,7 @@ COMMANDS = {
     "render": Command("render", "Draw one frame of an avatar, or a video of it."),
     "evaluate": Command("evaluate", "Judge an avatar on views and expressions held out."),
     "ablate": Command("ablate", "Train, compress and judge variants beside one another."),
+    "framewise": Command("framewise", "Fit each frame of a capture by itself: the baseline without an avatar."),
     "bench": Command("bench", "Measure time and error of every part on this machine."),
     "convert-head": Command("convert_head", "Make a head model from a FLAME pickle or a rig."),
     "doctor": Command("doctor", "Check this installation, or a capture."),

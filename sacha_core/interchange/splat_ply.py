@@ -1,4 +1,4 @@
-"""Bound Gaussians as the PLY file that GaussianAvatars and splat viewers use."""
+"""Gaussians as the PLY files of GaussianAvatars (bound to triangles) and of 3D Gaussian Splatting and its viewers (in the world)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.errors import FormatError, OptionError
 from sacha_core.files import write_aside
 
-__all__ = ["read_bound_ply", "write_bound_ply"]
+__all__ = ["read_bound_ply", "read_world_ply", "write_bound_ply", "write_world_ply"]
 
 TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
@@ -63,17 +63,25 @@ def read_bound_ply(path: str | os.PathLike[str], n_faces: int | None = None) -> 
 
     Source: Qian et al., GaussianAvatars, CVPR 2024 (its point_cloud.ply); Turk, The PLY polygon file format, 1994.
     """
-    file = Path(path)
-    try:
-        with file.open("rb") as stream:
-            header = _read_header(stream)
-            rest = _check_properties(header.dtype)
-            rows = _read_rows(stream, header, file.stat().st_size)
-        gaussians = _from_rows(rows, rest)
-        gaussians.validate(MAX_FACES if n_faces is None else n_faces)
-    except FormatError as error:
-        raise FormatError(f"{file}: {error}") from error
-    return gaussians
+    return _read(Path(path), MAX_FACES if n_faces is None else n_faces, bound=True)
+
+
+def read_world_ply(path: str | os.PathLike[str]) -> Gaussians:
+    """Read Gaussians that stand in the world: a scene of 3D Gaussian Splatting.
+
+    Args:
+        path: a binary `.ply` as 3D Gaussian Splatting writes it, spherical harmonics of degree 0 to 3; other properties are ignored.
+
+    Returns:
+        The Gaussians in the file's order, float32, in metres of the world, all bound to triangle 0: one whose frame is the world's.
+
+    Raises:
+        FormatError: it is no such file, is cut short, lacks a property or has it of another type, or holds a number that is not finite.
+        OSError: it cannot be read.
+
+    Source: Kerbl et al., 3D Gaussian Splatting, 2023 (its point_cloud.ply).
+    """
+    return _read(Path(path), MAX_FACES, bound=False)
 
 
 def write_bound_ply(path: str | os.PathLike[str], gaussians: Gaussians, sh_degree: int = 3) -> None:
@@ -88,6 +96,31 @@ def write_bound_ply(path: str | os.PathLike[str], gaussians: Gaussians, sh_degre
         OptionError: the layout has no room for the Gaussians' own coefficients.
         OSError: the file cannot be written.
     """
+    sensitivity = gaussians.sensitivity_logit
+    extra: dict[tuple[str, ...], np.ndarray] = {(BINDING,): gaussians.binding[:, None]}
+    if sensitivity is not None:
+        extra[(SENSITIVITY,)] = sensitivity[:, None]
+    _write(path, gaussians, sh_degree, extra)
+
+
+def write_world_ply(path: str | os.PathLike[str], gaussians: Gaussians, sh_degree: int = 3) -> None:
+    """Write Gaussians that stand in the world as 3D Gaussian Splatting does: 62 numbers, 248 bytes each at degree 3.
+
+    Args:
+        path: the `.ply` file.
+        gaussians: in metres of the world; their binding is not written.
+        sh_degree: degree of the layout, 3 for 3D Gaussian Splatting itself; coefficients that the Gaussians lack are written as zeros.
+
+    Raises:
+        OptionError: the layout has no room for the Gaussians' own coefficients.
+        OSError: the file cannot be written.
+    """
+    _write(path, gaussians, sh_degree, {})
+
+
+def _write(
+    path: str | os.PathLike[str], gaussians: Gaussians, sh_degree: int, extra: dict[tuple[str, ...], np.ndarray]
+) -> None:
     if not gaussians.sh_degree <= sh_degree <= 3:
         raise OptionError(
             f"sh_degree {sh_degree} of the PLY is not between {gaussians.sh_degree}, which the Gaussians have, and 3"
@@ -103,10 +136,8 @@ def write_bound_ply(path: str | os.PathLike[str], gaussians: Gaussians, sh_degre
         ("opacity",): gaussians.opacity_logit[:, None],
         SCALE: gaussians.log_scale,
         ROTATION: gaussians.quaternion,
-        (BINDING,): gaussians.binding[:, None],
+        **extra,
     }
-    if gaussians.sensitivity_logit is not None:
-        columns[(SENSITIVITY,)] = gaussians.sensitivity_logit[:, None]
     names = [name for group in columns for name in group]
     table = np.concatenate([np.asarray(values, "<f4") for values in columns.values()], axis=1)
     lines = [
@@ -118,6 +149,19 @@ def write_bound_ply(path: str | os.PathLike[str], gaussians: Gaussians, sh_degre
     with write_aside(path) as aside, aside.open("wb") as stream:
         stream.write("".join(f"{line}\n" for line in (*lines, "end_header")).encode("ascii"))
         stream.write(table.tobytes())
+
+
+def _read(file: Path, n_faces: int, bound: bool) -> Gaussians:
+    try:
+        with file.open("rb") as stream:
+            header = _read_header(stream)
+            rest = _check_properties(header.dtype, bound)
+            rows = _read_rows(stream, header, file.stat().st_size)
+        gaussians = _from_rows(rows, rest, bound)
+        gaussians.validate(n_faces)
+    except FormatError as error:
+        raise FormatError(f"{file}: {error}") from error
+    return gaussians
 
 
 def _read_header(stream: BinaryIO) -> _Header:
@@ -165,7 +209,7 @@ def _rest_names(count: int) -> tuple[str, ...]:
     return tuple(f"f_rest_{i}" for i in range(count))
 
 
-def _check_properties(dtype: np.dtype[np.void]) -> tuple[str, ...]:
+def _check_properties(dtype: np.dtype[np.void], bound: bool) -> tuple[str, ...]:
     """Check that all is there, and give the names of the higher coefficients."""
     held = {name: dtype[name] for name in dtype.names or ()}
     rest = _rest_names(sum(name.startswith("f_rest_") for name in held))
@@ -176,10 +220,12 @@ def _check_properties(dtype: np.dtype[np.void]) -> tuple[str, ...]:
     needed = (*POSITION, *DC, *rest, "opacity", *SCALE, *ROTATION)
     missing = [name for name in needed if name not in held]
     if missing:
-        raise FormatError(f"no property {', '.join(missing)}; expected {', '.join(needed)}, {BINDING}")
-    if BINDING not in held:
+        raise FormatError(
+            f"no property {', '.join(missing)}; expected {', '.join(needed)}{f', {BINDING}' if bound else ''}"
+        )
+    if bound and BINDING not in held:
         raise FormatError(f"no property {BINDING}: these Gaussians are not bound to the triangles of a head")
-    optional = tuple(name for name in (SENSITIVITY,) if name in held)
+    optional = tuple(name for name in (SENSITIVITY,) if bound and name in held)
     for name in (*needed, *optional):
         if held[name].newbyteorder("=") != np.float32:
             raise FormatError(
@@ -200,7 +246,7 @@ def _read_rows(stream: BinaryIO, header: _Header, file_size: int) -> np.ndarray:
     return np.frombuffer(bytearray(stream.read(expected - header.n_bytes)), header.dtype, header.n_rows)
 
 
-def _from_rows(rows: np.ndarray, rest: tuple[str, ...]) -> Gaussians:
+def _from_rows(rows: np.ndarray, rest: tuple[str, ...], bound: bool) -> Gaussians:
     def columns(names: tuple[str, ...]) -> np.ndarray:
         out = np.empty((len(rows), len(names)), np.float32)
         for i, name in enumerate(names):
@@ -214,8 +260,8 @@ def _from_rows(rows: np.ndarray, rest: tuple[str, ...]) -> Gaussians:
         opacity_logit=columns(("opacity",))[:, 0],
         sh_dc=columns(DC),
         sh_rest=np.ascontiguousarray(columns(rest).reshape(len(rows), 3, len(rest) // 3).transpose(0, 2, 1)),
-        binding=_whole(rows[BINDING]),
-        sensitivity_logit=columns((SENSITIVITY,))[:, 0] if SENSITIVITY in (rows.dtype.names or ()) else None,
+        binding=_whole(rows[BINDING]) if bound else np.zeros(len(rows), np.int32),
+        sensitivity_logit=columns((SENSITIVITY,))[:, 0] if bound and SENSITIVITY in (rows.dtype.names or ()) else None,
     )
 
 
