@@ -66,7 +66,10 @@ class Options:
     the total is near the budget only; all: one ranking by score alone."""
 
     bounds: Annotated[tuple[float, float], tyro.conf.arg(metavar="LOWEST HIGHEST")] = (0.5, 2.0)
-    """Of measured modulators, before weights."""
+    """Of measured modulators, before power and weights."""
+
+    power: float = 1.0
+    """That measured modulators are raised to: 0 lets regions count for nothing but their weights, 2 lets them count more."""
 
     motion: FileOption = None
     """Motion (.npz) to put beside the smaller avatar instead of the avatar's own."""
@@ -162,7 +165,7 @@ def budget_of(options: Options, n: int, scheme: RegionScheme) -> Budget:
     if options.target_count is not None:
         keep = options.target_count / n
     assert keep is not None
-    return Budget(keep, weights, *options.bounds, scope=options.scope)
+    return Budget(keep, weights, *options.bounds, scope=options.scope, power=options.power)
 
 
 def parsed_weights(texts: Sequence[str], scheme: RegionScheme) -> dict[int, float]:

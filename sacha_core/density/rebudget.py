@@ -8,14 +8,14 @@ from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Int, Integer
+from jaxtyping import Bool, Float, Int, Integer
 
 from sacha_core.avatar.binding import sigmoid
 from sacha_core.density.events import Calibration, Pruning
 from sacha_core.density.modulators import modulators
 from sacha_core.density.region_means import region_means
 from sacha_core.density.scores_file import Scores
-from sacha_core.density.selection import lowest_of_all, lowest_of_each_region
+from sacha_core.density.selection import Selection, lowest_of_all, lowest_of_each_region, quota
 from sacha_core.errors import FormatError, OptionError
 
 __all__ = ["Budget", "Rebudget", "rebudget"]
@@ -33,7 +33,11 @@ class Budget:
             artist's weight is not bounded by them.
         highest_modulator: likewise.
         scope: `weighted` ranks all Gaussians together, by score over the modulator of the region; `regions` takes from each region its
-            own share, (1 - keep) times the modulator; `all` ranks by score alone, so that modulators count for nothing and weights do.
+            own share, the common one times the modulator; `all` ranks by score alone, so that modulators count for nothing and weights do.
+        power: that bounded modulators are raised to, before weights.
+        visible_pixels: blending weight, in pixels a view, up to which a Gaussian counts as hidden: those go first, lowest scores before
+            others, wherever they are, and shares of regions are of what remains. Where a file does not say what views showed, those
+            of score 0.
     """
 
     keep: float
@@ -41,6 +45,8 @@ class Budget:
     lowest_modulator: float = 0.5
     highest_modulator: float = 2.0
     scope: Literal["weighted", "regions", "all"] = "weighted"
+    power: float = 1.0
+    visible_pixels: float = 1 / 12
 
     def __post_init__(self) -> None:
         """Refuse numbers that make no sense."""
@@ -50,6 +56,8 @@ class Budget:
             raise OptionError(
                 f"modulators are bounded by {self.lowest_modulator:g} and {self.highest_modulator:g}, expected 0 < lowest <= highest"
             )
+        if not 0 <= self.power < np.inf:
+            raise OptionError(f"power is {self.power:g}, expected 0 or more")
         for label, weight in self.weights.items():
             if not 0 < weight < np.inf:
                 raise OptionError(f"the weight of region {label} is {weight:g}, expected above 0")
@@ -73,7 +81,7 @@ class Rebudget:
 def rebudget(scores: Scores, labels: Integer[np.ndarray, " f"], n_regions: int, budget: Budget) -> Rebudget:
     """Choose the Gaussians that a smaller avatar keeps: the same pruning as in training, at another ratio, with an artist's say.
 
-    What no view showed has score 0 and goes first. Ties go by index, the lower first.
+    What no view shows goes first. Ties go by index, the lower first.
 
     Args:
         scores: of every Gaussian.
@@ -89,21 +97,44 @@ def rebudget(scores: Scores, labels: Integer[np.ndarray, " f"], n_regions: int, 
     """
     if stray := sorted(label for label in budget.weights if not 0 <= label < n_regions):
         raise OptionError(f"a weight is for region {stray[0]}, expected 0 to {n_regions - 1}")
-    binding = scores.gaussians.binding
-    regions = labels[binding]
+    regions = labels[scores.gaussians.binding]
     modulator = _modulator(scores, regions, n_regions, budget)
-    ratio = 1 - budget.keep
-    if budget.scope == "regions":
-        ratios = np.clip(ratio * modulator, 0, 1)
-        chosen = lowest_of_each_region(scores.score, regions, ratios, binding)
-    else:
-        chosen = lowest_of_all(scores.score / modulator[regions], regions, n_regions, ratio, binding)
-    rows = np.flatnonzero(~chosen.remove)
+    hidden = _hidden(scores, budget)
+    wanted = (1 - budget.keep) * len(hidden)  # removals
+    among, shown = np.flatnonzero(hidden), np.flatnonzero(~hidden)
+    first = among[np.argsort(scores.score[among], kind="stable")[: quota(len(hidden), 1 - budget.keep)]]
+    ratio = max(wanted - len(first), 0.0) / len(shown) if len(first) == len(among) and len(shown) else 0.0
+    chosen = _lowest(scores, regions, modulator, shown, ratio, budget)
+    remove = np.zeros(len(hidden), bool)
+    remove[first] = remove[shown[chosen.remove]] = True
+    rows = np.flatnonzero(~remove)
     if not len(rows):
-        raise OptionError(f"keep {budget.keep:g} of {len(binding)} Gaussians leaves none, expected more")
-    before, after = (np.bincount(of, minlength=n_regions) for of in (regions, regions[rows]))
-    counts = (tuple(numbers.tolist()) for numbers in (before, chosen.requested, chosen.removed, after))
+        raise OptionError(f"keep {budget.keep:g} of {len(hidden)} Gaussians leaves none, expected more")
+    before, after, early = (np.bincount(regions[of], minlength=n_regions) for of in (slice(None), rows, first))
+    counts = (tuple(of.tolist()) for of in (before, early + chosen.requested, before - after, after))
     return Rebudget(rows, modulator, Pruning(_iteration(scores), "stored", "off", *counts))
+
+
+def _hidden(scores: Scores, budget: Budget) -> Bool[np.ndarray, " n"]:
+    hidden: np.ndarray = scores.score == 0
+    if scores.sums is not None:
+        hidden = ~scores.sums.visible(budget.visible_pixels)
+    return hidden
+
+
+def _lowest(
+    scores: Scores,
+    regions: Integer[np.ndarray, " n"],
+    modulator: Float[np.ndarray, " r"],
+    rows: Int[np.ndarray, " m"],
+    ratio: float,
+    budget: Budget,
+) -> Selection:
+    """Select a share of some of the Gaussians."""
+    score, of, binding = scores.score[rows], regions[rows], scores.gaussians.binding[rows]
+    if budget.scope == "regions":
+        return lowest_of_each_region(score, of, np.clip(ratio * modulator, 0, 1), binding)
+    return lowest_of_all(score / modulator[of], of, len(modulator), ratio, binding)
 
 
 def _modulator(
@@ -114,7 +145,7 @@ def _modulator(
     if budget.scope != "all":
         measured = _measured(scores, regions, n_regions)
     weights = np.array([budget.weights.get(label, 1.0) for label in range(n_regions)])
-    of: np.ndarray = np.clip(measured, budget.lowest_modulator, budget.highest_modulator) / weights
+    of: np.ndarray = np.clip(measured, budget.lowest_modulator, budget.highest_modulator) ** budget.power / weights
     return of
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.density.events import Calibration
 from sacha_core.density.rebudget import Budget, rebudget
-from sacha_core.density.scores_file import Scores
+from sacha_core.density.scores_file import BlendingSums, Scores
 from sacha_core.errors import FormatError, OptionError
 
 N_REGIONS = 4
@@ -89,6 +89,32 @@ def test_what_no_view_shows_goes_first_whatever_its_region_is_worth() -> None:
     assert found.pruning.after == (15, 15, 15, 0)
 
 
+@given(st.integers(1, 60), st.integers(0, 99), st.sampled_from(["weighted", "regions", "all"]))
+def test_the_hidden_go_before_the_others_lowest_first_and_shares_are_of_what_remains(count, seed, scope) -> None:
+    rng = np.random.default_rng(seed)
+    scores = scores_of(seed, (0.6, 1.0, 1.7, 1.0))
+    weight = np.where(rng.random(60) < 0.4, 0.5, 50.0)  # pixels over ten views
+    scores = replace(scores, sums=BlendingSums(weight, weight / 2, 10))
+    found = rebudget(scores, LABELS, N_REGIONS, Budget(count / 60, scope=scope, visible_pixels=0.1))
+    hidden, kept = weight < 1, np.isin(np.arange(60), found.rows)
+    if hidden.sum() >= 60 - count:
+        assert kept[~hidden].all()
+        assert kept.sum() == count
+        assert scores.score[hidden & ~kept].max(initial=0) <= scores.score[hidden & kept].min(initial=np.inf)
+    else:
+        assert not kept[hidden].any()
+    if scope == "regions" and not kept[hidden].any():
+        shown = np.bincount(LABELS[~hidden], minlength=N_REGIONS)
+        ratios = np.minimum((shown.sum() - count) / shown.sum() * found.modulator, 1)
+        assert found.pruning.after == tuple(shown - np.floor(shown * ratios + 1e-9).astype(int))
+
+
+@given(st.floats(0, 3))
+def test_a_power_acts_on_the_modulators_and_not_on_the_weights(power) -> None:
+    found = rebudget(scores_of(0, (0.01, 9.0, 1.0, 0.8)), LABELS, N_REGIONS, Budget(0.5, {0: 4.0}, power=power))
+    assert found.modulator == pytest.approx([0.5**power / 4, 2.0**power, 1.0, 0.8**power], rel=1e-12)
+
+
 def test_keeping_all_keeps_all() -> None:
     assert rebudget(scores_of(), LABELS, N_REGIONS, Budget(1.0)).rows.tolist() == list(range(60))
 
@@ -102,6 +128,7 @@ def test_keeping_all_keeps_all() -> None:
         ({"keep": 0.5, "weights": {1: 0.0}}, "weight of region 1"),
         ({"keep": 0.5, "weights": {1: float("inf")}}, "weight of region 1"),
         ({"keep": 0.5, "lowest_modulator": 3.0}, "bounded by 3"),
+        ({"keep": 0.5, "power": -1.0}, "power is -1"),
     ],
 )
 def test_a_budget_that_makes_no_sense_is_refused(options, message) -> None:
