@@ -86,7 +86,7 @@ class PosedHead:
         )
         n_directions, block = len(self.poser.directions), 3 * posing_kernels.BLOCK
         blocks = [self.poser.directions[:, at : at + block].any(axis=1) for at in range(0, 3 * v, block)]
-        self.moves = np.array(blocks).reshape(-1, n_directions)
+        self.moves = np.array(blocks, bool).reshape(len(blocks), n_directions)
         self._rows, self._coefficients = np.empty(n_directions, np.int64), np.empty(n_directions, dtype)
         self._vertex_bounds = block_bounds(v, posing_kernels.BLOCK, self._pool.threads)
         self._face_bounds = block_bounds(f, frame_kernels.BLOCK, self._pool.threads)
