@@ -51,6 +51,17 @@ def missing(network: str) -> str | None:
             f"LPIPS ({network}) needs the file {name}: get it from {SOURCE}/{name} and put it into {folders()[-1]}, "
             f"or into a folder that {FOLDER} names"
         )
+    return misfit()
+
+
+def misfit() -> str | None:
+    """Say why the packages, which are there, cannot be used, as where torch is built for the CPU and torchvision is not."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            import lpips  # noqa: F401, PLC0415
+        except (ImportError, RuntimeError, OSError) as error:
+            return f"LPIPS needs a torchvision that fits the installed torch: {' '.join(str(error).split())}"
     return None
 
 
@@ -62,21 +73,18 @@ class LpipsNetwork:
         weights: the file with the network's own weights; those of the layers come with the package.
 
     Raises:
-        FormatError: the file does not hold this network's weights, or torch and torchvision do not fit each other.
+        FormatError: the file does not hold this network's weights.
 
     Source: Zhang et al., The unreasonable effectiveness of deep features as a perceptual metric, 2018; version 0.1, by the authors'
         package.
     """
 
     def __init__(self, network: str, weights: Path) -> None:
-        import torch  # noqa: PLC0415 - only where LPIPS is asked for
+        import lpips  # noqa: PLC0415 - only where LPIPS is asked for
+        import torch  # noqa: PLC0415
 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the package calls torchvision by an older convention
-            try:
-                import lpips  # noqa: PLC0415
-            except RuntimeError as error:  # as where one of both is built for a GPU and the other is not
-                raise FormatError(f"LPIPS: torchvision does not fit the installed torch: {error}") from error
             self._model: Any = lpips.LPIPS(net=network, pnet_rand=True, verbose=False)
         self._torch = torch
         backbone = self._model.net
@@ -110,7 +118,7 @@ def open_network(network: str) -> LpipsNetwork | None:
     """Give a network of `NETWORKS`, read once; None where `missing` says why.
 
     Raises:
-        FormatError: its file is broken, or torch and torchvision do not fit each other.
+        FormatError: its file is broken.
     """
     file = weights_file(network)
     return None if file is None or missing(network) else network_of(network, file)

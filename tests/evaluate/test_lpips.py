@@ -124,6 +124,16 @@ def test_a_file_that_is_something_else_is_named(stand_in, content) -> None:
         lpips.open_network("vgg")
 
 
+def test_packages_that_do_not_fit_each_other_are_said(folder, tmp_path, monkeypatch) -> None:
+    (tmp_path / "lpips.py").write_text("raise RuntimeError('operator torchvision::nms does not exist')")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "lpips", raising=False)
+    monkeypatch.setattr(lpips, "PACKAGES", ("torch", "lpips"))
+    write_weights(folder, "alex")
+    assert "torchvision that fits the installed torch: operator torchvision::nms" in lpips.missing("alex")
+    assert lpips.open_network("alex") is None
+
+
 def real_package() -> ModuleType:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
