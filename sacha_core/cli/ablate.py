@@ -39,7 +39,7 @@ class Sweep:
     set_: Annotated[
         tuple[str, ...], tyro.conf.arg(name="set", metavar="[VARIANT:]OPTION=VALUE...", help_behavior_hint="")
     ] = ()
-    """Change options of training, of all variants or one, named as in a model's options.json: sh_degree=1,
+    """Change options of training (`sacha train --list-options` tells all), of every variant or one: sh_degree=1,
     sacha:pruning.ratio=0.25."""
 
     iterations: Annotated[MaybeInt, tyro.conf.arg(metavar="N", help_behavior_hint=f"(default: {ITERATIONS})")] = None

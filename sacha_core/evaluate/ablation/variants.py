@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from typing import Any
 
 from sacha_core.errors import OptionError
-from sacha_core.train.checkpoint import flat
-from sacha_core.train.options import TrainOptions, from_record
+from sacha_core.train.options import TrainOptions
 from sacha_core.train.presets import scaled
+from sacha_core.train.settings import with_settings
 
 __all__ = ["variant_options"]
-
-EXPECTED = {bool: "true or false", int: "a whole number", float: "a number", str: "a word", tuple: "a list"}
 
 
 def variant_options(
@@ -24,8 +20,7 @@ def variant_options(
     Args:
         names: of `presets.VARIANTS`, or NEW=VARIANT for a variant of which settings are changed under another name.
         iterations: length of each run.
-        settings: changes, `OPTION=VALUE` for all variants or `NAME:OPTION=VALUE` for one; an option is named as `options.json` nests it
-            ("pruning.ratio"), a value is JSON or a word.
+        settings: changes, `OPTION=VALUE` for all variants or `NAME:OPTION=VALUE` for one (see `with_settings`).
         base: what variants do not decide; the defaults by default.
 
     Raises:
@@ -37,57 +32,20 @@ def variant_options(
         if name in chosen:
             raise OptionError(f"variant {name!r} is there twice")
         chosen[name] = scaled(iterations, of or name, base)
+    changes: dict[str, list[str]] = {name: [] for name in chosen}
     for setting in settings:
-        whom, option, value = _parsed(setting)
-        if whom is not None and whom not in chosen:
-            raise OptionError(f"{setting!r} sets an option of {whom!r}; expected one of {', '.join(chosen)}")
-        for name in chosen if whom is None else (whom,):
-            chosen[name] = _changed(chosen[name], option, value)
-    return chosen
+        whose, change = _addressed(setting)
+        if whose is not None and whose not in chosen:
+            raise OptionError(f"setting {setting!r} is for variant {whose!r}; expected one of {', '.join(chosen)}")
+        for name in chosen if whose is None else (whose,):
+            changes[name].append(change)
+    return {name: with_settings(options, changes[name]) for name, options in chosen.items()}
 
 
-def _parsed(setting: str) -> tuple[str | None, str, Any]:
-    """Take a setting apart: whose, which option, what."""
-    left, sign, text = setting.partition("=")
-    whom, colon, option = left.rpartition(":")
-    if not sign or not option:
-        raise OptionError(f"setting {setting!r} is not OPTION=VALUE or VARIANT:OPTION=VALUE")
-    try:
-        value = json.loads(text)
-    except ValueError:
-        value = text
-    return whom if colon else None, option, value
-
-
-def _changed(options: TrainOptions, option: str, value: Any) -> TrainOptions:
-    """Give options with one changed, by its dotted name."""
-    record = options.record()
-    known = flat(record)
-    if option not in known or option in {"variant", "seed"}:
-        raise OptionError(
-            f"option {option!r} is unknown; expected one of {', '.join(sorted(set(known) - {'variant', 'seed'}))}"
-        )
-    group: dict[str, Any] = record
-    *outer, last = option.split(".")
-    for name in outer:
-        group = group[name]
-    group[last] = _typed(option, value, known[option])
-    return from_record(record)
-
-
-def _typed(option: str, value: Any, present: Any) -> Any:
-    """Give a value in the type of the one that is there; None stands for a whole number that is not given."""
-    if present is None or value is None:
-        good = (
-            isinstance(value, int | None)
-            and not isinstance(value, bool)
-            and (present is None or isinstance(present, int))
-        )
-        kind: type = int
-    else:
-        kind = type(present)
-        good = isinstance(value, list if kind is tuple else (int, float) if kind is float else kind)
-        good = good and isinstance(value, bool) == (kind is bool)
-    if not good:
-        raise OptionError(f"{option} is set to {json.dumps(value)}, expected {EXPECTED[kind]}")
-    return float(value) if kind is float else tuple(value) if kind is tuple else value
+def _addressed(setting: str) -> tuple[str | None, str]:
+    """Take the variant's name, if any, from a setting."""
+    left, sign, value = setting.partition("=")
+    whose, colon, option = left.rpartition(":")
+    if option.strip() == "seed":
+        raise OptionError("seeds are not set one by one; --seeds says how many")
+    return whose if colon else None, f"{option}{sign}{value}"
