@@ -53,6 +53,7 @@ STEPS = (
     Step("sacha over rad-gp-pis", "sacha", "rad-gp-pis"),
     Step("sacha over paper", "sacha", "paper"),
     Step("sacha over mask (learned)", "sacha", "mask"),
+    Step("sacha's modulators over none", "sacha", "sacha-uniform"),
     Step("sacha's modulators over inverted ones", "sacha", "sacha-inverted"),
     Step("sacha's modulators over random ones", "sacha", "sacha-random"),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -33,7 +34,8 @@ __all__ = ["draw_crops"]
 REGIONS = ("ears", "mouth", "eyes")
 VARIANTS = ("default", "rad-gp-pis", "sacha")
 FLIP_MAP = "magma"  # as FLIP's authors show it
-FLIP_CEILING = 0.5  # of the colours: larger errors hardly occur
+BELOW_CEILING_PERCENT = 98
+LOWEST_CEILING = 0.2
 KILOBYTE = 1000.0
 
 
@@ -105,25 +107,24 @@ def _drawn(
     side = PAGE_INCHES / (len(avatars) + 1)
     figure = new_figure(len(crops) * (lines * side / ASPECT + 0.3) + 0.4)
     axes = figure.subplots(lines * len(crops), len(avatars) + 1, squeeze=False)
-    for row, crop in enumerate(crops):
-        truth = subject.capture.image(crop.view, subject.width, subject.height)
+    truths = [subject.capture.image(crop.view, subject.width, subject.height) for crop in crops]
+    drawn = [
+        [shown(a, crop, subject, truth, rasteriser) for a in avatars.values()]
+        for crop, truth in zip(crops, truths, strict=True)
+    ]
+    ceiling = _ceiling([one.flip for line in drawn for one in line if one.flip is not None])
+    for row, (crop, truth, line) in enumerate(zip(crops, truths, drawn, strict=True)):
         above, below = axes[lines * row], axes[lines * row + lines - 1]
-        _show(
-            above[0],
-            truth[crop.rows, crop.columns],
-            f"{crop.region}: camera {crop.view.camera_index}, moment {crop.view.timestep}",
-        )
+        where = f"{crop.region}: camera {crop.view.camera_index}, moment {crop.view.timestep}"
+        _show(above[0], truth[crop.rows, crop.columns], where)
         if lines > 1:
             below[0].set_axis_off()
-            below[0].text(
-                0.98, 0.5, f"FLIP's error:\nblack 0, pale {FLIP_CEILING:g}\nand more", ha="right", va="center", color=FAINT,
-                transform=below[0].transAxes,
-            )  # fmt: skip
-        for column, avatar in enumerate(avatars.values(), 1):
-            one = shown(avatar, crop, subject, truth, rasteriser)
+            text = f"FLIP's error:\nblack 0, pale {ceiling:.1f}\nand more"
+            below[0].text(0.98, 0.5, text, ha="right", va="center", color=FAINT, transform=below[0].transAxes)
+        for column, one in enumerate(line, 1):
             _show(above[column], one.image, one.text)
             if one.flip is not None:
-                _show(below[column], one.flip, "")
+                _show(below[column], one.flip, "", ceiling)
     for one, title in zip(axes[0], ("truth\nheld-out expression", *titles.values()), strict=True):
         one.set_title(title, fontsize=MEDIUM)
     caption = (
@@ -133,9 +134,15 @@ def _drawn(
     return picture(figure, f"crops-{file_name(runs.dataset)}", f"{runs.dataset}: close by", caption, lines=False)
 
 
-def _show(axes: Axes, image: np.ndarray, text: str) -> None:
+def _ceiling(maps: Sequence[Float[np.ndarray, "_ _"]]) -> float:
+    """Give the error at which the colours of all maps end: a tenth, and nearly all errors are below it."""
+    highest = max((float(np.percentile(one, BELOW_CEILING_PERCENT)) for one in maps), default=0.0)
+    return min(max(math.ceil(10 * highest) / 10, LOWEST_CEILING), 1.0)
+
+
+def _show(axes: Axes, image: np.ndarray, text: str, ceiling: float = 1.0) -> None:
     if image.ndim == 2:
-        axes.imshow(image, cmap=FLIP_MAP, vmin=0, vmax=FLIP_CEILING, interpolation="lanczos")
+        axes.imshow(image, cmap=FLIP_MAP, vmin=0, vmax=ceiling, interpolation="lanczos")
     else:
         axes.imshow(image, interpolation="lanczos")
     axes.set_xticks([])

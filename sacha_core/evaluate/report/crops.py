@@ -19,8 +19,8 @@ from sacha_core.regions.scheme import PAPER
 __all__ = ["Crop", "box_around", "closest_levels", "find_crops"]
 
 LOOKED_AT = 48  # held-out views among which the best to see a region is sought
-MARGIN = 0.25  # of the region's size, on every side
-ASPECT = 4 / 3
+MARGIN = 0.15  # of the region's size, on every side
+ASPECT = 3 / 2
 STRAY_PERCENT = 1  # of a region's pixels on each side that may lie outside: single ones far off make no box
 
 

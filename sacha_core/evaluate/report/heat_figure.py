@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_heat_maps"]
 
-RADIUS_M = 0.006
+RADIUS_M = 0.008
 DIRECTIONS = {"front": (0.0, 0.0, 1.0), "side": (1.0, 0.0, 0.35)}
 PORTRAIT = (300, 390)  # pixels, width and height
 DENSITY_MAP, RATIO_MAP = "cividis", "PuOr_r"  # the same to colour-blind eyes
@@ -75,7 +75,7 @@ def draw_heat_maps(runs: Runs, files: RunFiles, baseline: str) -> Picture | None
         rows.append((f"over {baseline}", pictures))
     figure = _laid_out(list(counts), rows, scale, ratios, baseline)
     caption = (
-        "Gaussians per square centimetre of the neutral head, hidden ones counted, averaged over 6 mm around each triangle and over the "
+        "Gaussians per square centimetre of the neutral head, hidden ones counted, averaged over 8 mm around each triangle and over the "
         f"seeds. One scale for all variants. Last row: density over {baseline}'s; orange is denser, purple is sparser. Darker edges are "
         "shading."
     )
@@ -110,9 +110,7 @@ def _laid_out(
                 one.imshow(pictures[variant], interpolation="lanczos")
             else:
                 one.text(0.5, 0.5, "1 by\ndefinition", ha="center", va="center", color=FAINT, transform=one.transAxes)
-        line[0].text(
-            -0.04, 0.5, name, rotation=90, ha="right", va="center", transform=line[0].transAxes, fontsize=SMALL
-        )
+        line[0].text(0, 1, name, ha="left", va="top", transform=line[0].transAxes, fontsize=SMALL, color=FAINT)
         over = name.startswith("over ")
         mapped = ScalarMappable(ratios if over else scale, RATIO_MAP if over else DENSITY_MAP)
         bar = figure.colorbar(mapped, ax=line, fraction=0.02, pad=0.01, aspect=18)

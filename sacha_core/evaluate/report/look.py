@@ -43,6 +43,7 @@ LOOKS = {
     "paper-inverted": Look(PINK, "P", "--", filled=False, width=1.0),
     "paper-random": Look(PINK, "P", ":", filled=False, width=1.0),
     "sacha": Look(RED, "*", width=2.0),
+    "sacha-uniform": Look(RED, "*", "-.", filled=False, width=1.0),
     "sacha-inverted": Look(RED, "*", "--", filled=False, width=1.0),
     "sacha-random": Look(RED, "*", ":", filled=False, width=1.0),
 }

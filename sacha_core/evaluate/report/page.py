@@ -26,20 +26,21 @@ def _parts(content: Content) -> Iterator[str]:
     yield f"<title>{escape(content.title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>"
     yield f"<header><h1>{escape(content.title)}</h1>"
     yield from (f'<p class="summary">{escape(line)}</p>' for line in content.summary)
-    links = [(_anchor(k), section.title) for k, section in enumerate(content.sections)]
-    links += [("conditions", "Conditions"), ("words", "Words")]
+    links = [("conditions", "Conditions")]
+    links += [(_anchor(k), section.title) for k, section in enumerate(content.sections)]
+    links += [("words", "Words")]
     linked = [f'<a href="#{anchor}">{escape(title)}</a>' for anchor, title in links]
     yield f"<nav>{' · '.join(linked)}</nav>"
     if content.overview is not None:
         yield _table(content.overview)
     yield "</header>"
+    yield _list("conditions", "Conditions", content.conditions)
     for k, section in enumerate(content.sections):
         yield f'<section id="{_anchor(k)}"><h2>{escape(section.title)}</h2>'
         yield from (f"<p>{escape(line)}</p>" for line in section.paragraphs)
         for block in section.blocks:
             yield _figure(block) if isinstance(block, Picture) else _table(block)
         yield "</section>"
-    yield _list("conditions", "Conditions", content.conditions)
     yield _list("words", "Words", content.terms)
     yield "</main>\n</body>\n</html>"
 
@@ -50,10 +51,11 @@ def _anchor(place: int) -> str:
 
 def _figure(picture: Picture) -> str:
     kind, drawn = ("png", picture.png) if picture.svg is None else ("svg+xml", picture.svg)
+    width = "" if picture.svg is None else ' class="lines"'
     source = f"data:image/{kind};base64,{base64.b64encode(drawn).decode('ascii')}"
     return (
         f'<figure id="{escape(picture.name)}"><h3>{escape(picture.title)}</h3>'
-        f'<img src="{source}" alt="{escape(picture.title)}"><figcaption>{escape(picture.caption)}</figcaption></figure>'
+        f'<img{width} src="{source}" alt="{escape(picture.title)}"><figcaption>{escape(picture.caption)}</figcaption></figure>'
     )
 
 

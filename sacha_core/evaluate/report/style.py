@@ -23,6 +23,7 @@ h3 { font-size: 1.05rem; margin: 0 0 .35rem; } p { margin: .5rem 0; max-width: 4
 .note, figcaption { color: var(--faint); font-size: .875rem; max-width: 52rem; }
 figure { margin: 2rem 0; } figure img { display: block; max-width: 100%; height: auto; background: #ffffff;
   border: 1px solid var(--line); border-radius: 6px; padding: 8px; }
+figure img.lines { width: 100%; }
 figcaption { margin-top: .5rem; } .table, details { margin: 2rem 0; } summary { cursor: pointer; font-weight: 600; }
 .wide { overflow-x: auto; } table { border-collapse: collapse; font-size: .8rem; font-variant-numeric: tabular-nums;
   margin-top: .4rem; }

@@ -8,7 +8,7 @@ __all__ = ["ORDER", "in_order"]
 
 ORDER = (
     "ga", "mask", "default", "default-seen", "default-gp-pis", "rad", "rad-gp-lgs", "rad-gp-pis", "paper", "paper-inverted", "paper-random",
-    "sacha", "sacha-inverted", "sacha-random",
+    "sacha", "sacha-uniform", "sacha-inverted", "sacha-random",
 )  # fmt: skip
 
 

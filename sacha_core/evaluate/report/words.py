@@ -53,6 +53,8 @@ PURPOSE = (
     "trusted."
 )
 
+NO_TARGETS = "sacha, whose targets this page would judge, was not run."
+
 
 def summary_of(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
     """Say how many of the targets held, and which did not."""
@@ -64,7 +66,7 @@ def summary_of(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
         f"Of {len(outcomes)} targets (each on one capture and in one setting) {count['held']} held, {count['not held']} did not, "
         f"{count['not decided']} could not be decided from these runs."
     )
-    return (PURPOSE, first)
+    return (PURPOSE, first if outcomes else NO_TARGETS)
 
 
 def conditions_of(every: Sequence[Runs], given: Mapping[str, str]) -> dict[str, str]:

@@ -38,6 +38,7 @@ __all__ = ["ReportPaths", "write_report"]
 
 TITLE = "Where the Gaussians went, and what it bought"
 FIGURES = "figures"
+TARGETED = "sacha"
 PACKAGES = ("scipy", "matplotlib")
 NO_MODELS = "There are no heat maps: none of the runs' models was found."
 NO_FILES = "There are no pictures close by: none of the runs' coded avatars was found."
@@ -139,7 +140,7 @@ def findings(runs: Runs, baseline: str, subject: Subject | None, folder: Path | 
     compared = pairs(runs.variants, baseline)
     own, rates = own_entries(runs), rate_entries(runs, compared)
     differences = difference_entries(runs, compared, own)
-    outcomes = tuple(judge_targets(runs.dataset, rates))
+    outcomes = tuple(judge_targets(runs.dataset, rates)) if TARGETED in runs.variants else ()
     tables = (
         pair_grids.target_grid(outcomes),
         pair_grids.rate_grid(runs, [*differences, *rates]),
@@ -172,7 +173,9 @@ def content_of(found: Sequence[Findings], conditions: Mapping[str, str]) -> Cont
         for one in found
     )
     outcomes = [outcome for one in found for outcome in one.outcomes]
-    return Content(TITLE, summary_of(outcomes), conditions, TERMS, sections, pair_grids.glance_grid(outcomes))
+    return Content(
+        TITLE, summary_of(outcomes), conditions, TERMS, sections, pair_grids.glance_grid(outcomes) if outcomes else None
+    )
 
 
 def _write_picture(path: Path, picture: Picture) -> Path:
