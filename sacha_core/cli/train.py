@@ -25,7 +25,7 @@ INPUTS = ("dataset",)
 LISTS = {"--list-options": "list_options"}  # flags by which the command prints something and does nothing
 
 Variant = Literal[
-    "ga", "default", "default-seen", "rad", "rad-gp-lgs", "rad-gp-pis", "default-gp-pis", "paper", "sacha",
+    "ga", "default", "default-seen", "rad", "rad-gp-lgs", "rad-gp-pis", "default-gp-pis", "paper", "mask", "sacha",
     "paper-inverted", "paper-random", "sacha-inverted", "sacha-random", "sacha-uniform",
 ]  # fmt: skip
 MaybePreset = Optional[Literal["paper"]]  # noqa: UP045 (see cli/common.py)

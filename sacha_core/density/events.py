@@ -17,6 +17,7 @@ __all__ = [
     "Densification",
     "Event",
     "HiddenRemoval",
+    "MaskPruning",
     "OpacityReset",
     "Pruning",
     "dump_events",
@@ -112,6 +113,23 @@ class HiddenRemoval:
 
 
 @dataclass(frozen=True)
+class MaskPruning:
+    """Gaussians were removed because the masks that were learnt hide them.
+
+    Args:
+        iteration: after how many iterations.
+        before: (r,) counts.
+        removed: (r,) removals made.
+        after: (r,) counts.
+    """
+
+    iteration: int
+    before: Counts
+    removed: Counts
+    after: Counts
+
+
+@dataclass(frozen=True)
 class Densification:
     """Gaussians were cloned, split, and removed for being nearly transparent or far too large.
 
@@ -147,11 +165,12 @@ class OpacityReset:
     lowered: int
 
 
-Event = Calibration | Pruning | HiddenRemoval | Densification | OpacityReset
+Event = Calibration | Pruning | HiddenRemoval | MaskPruning | Densification | OpacityReset
 KINDS = {
     "calibration": Calibration,
     "pruning": Pruning,
     "hidden_removal": HiddenRemoval,
+    "mask_pruning": MaskPruning,
     "densification": Densification,
     "opacity_reset": OpacityReset,
 }

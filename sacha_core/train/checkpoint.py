@@ -14,7 +14,7 @@ from sacha_core.errors import FormatError, OptionError
 from sacha_core.npz import read_npz, write_npz
 from sacha_core.train.faults import Fault, Faults
 from sacha_core.train.options import TrainOptions, from_record
-from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, TrainState
+from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, MASK_LOGIT, ROWS, TrainState
 
 __all__ = ["Checkpoint", "differing", "read_checkpoint", "require_fit", "write_checkpoint"]
 
@@ -64,7 +64,8 @@ def write_checkpoint(path: str | os.PathLike[str], checkpoint: Checkpoint) -> No
         "options": checkpoint.options.record(),
         "data": checkpoint.data,
     }
-    arrays = {f"{kind}.{name}": getattr(state, kind)[name] for kind in MOMENTS for name in VALUES}
+    names = (*VALUES, MASK_LOGIT) if MASK_LOGIT in state.values else VALUES
+    arrays = {f"{kind}.{name}": getattr(state, kind)[name] for kind in MOMENTS for name in names}
     arrays |= {name: getattr(state, name) for name in PLAIN}
     texts = {"header": np.array(json.dumps(header)), "events": np.array(dump_events(checkpoint.events))}
     write_npz(path, {**texts, **arrays})
@@ -89,7 +90,8 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
         events, faults = parse_events(str(arrays["events"])), parse_faults(header["faults"])
     except (ValueError, OverflowError, KeyError, TypeError, RecursionError, OptionError, FormatError) as error:
         raise FormatError(f"{path}: not a checkpoint that this version can read: {error}") from error
-    values, first, second = ({name: arrays[f"{kind}.{name}"] for name in VALUES} for kind in MOMENTS)
+    masked = [MASK_LOGIT] if all(f"{kind}.{MASK_LOGIT}" in arrays for kind in MOMENTS) else []
+    values, first, second = ({name: arrays[f"{kind}.{name}"] for name in (*VALUES, *masked)} for kind in MOMENTS)
     binding, gradient_sum, gradient_count, thresholds, ratios = (arrays[name] for name in PLAIN)
     statistics = (gradient_sum, gradient_count, thresholds, ratios)
     state = TrainState(iteration, values, first, second, steps, binding, *statistics, faults)
@@ -130,9 +132,9 @@ def _check(path: str | os.PathLike[str], state: TrainState) -> None:
     for name in ("gradient_sum", "gradient_count"):
         if getattr(state, name).shape != state.binding.shape:
             raise FormatError(f"{path}: {name} is {getattr(state, name).shape}, expected {state.binding.shape}")
-    for name in VALUES:
+    for name in state.values:
         value = state.values[name]
-        wrong = value.ndim == 0 or (name in ATTRIBUTES and len(value) != len(state))
+        wrong = value.ndim == 0 or (name in ROWS and len(value) != len(state))
         for kind in MOMENTS:
             other = getattr(state, kind)[name]
             if wrong or other.shape != value.shape or other.dtype != np.float32:
@@ -158,7 +160,9 @@ def require_fit(path: str | os.PathLike[str], state: TrainState, fresh: TrainSta
         FormatError: an array has not the shape or type that this run's has, a number is out of range, or a Gaussian is bound to no
             triangle.
     """
-    for name in VALUES:
+    if odd := sorted(state.values.keys() ^ fresh.values.keys()):
+        raise FormatError(f"{path}: {odd[0]} is {'missing' if odd[0] in fresh.values else 'there, expected none'}")
+    for name in fresh.values:
         have, want = state.values[name].shape, fresh.values[name].shape
         if have[1:] != want[1:] or (name in FITTED_MOTION and have != want):
             raise FormatError(

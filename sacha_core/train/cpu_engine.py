@@ -20,10 +20,11 @@ from sacha_core.train.drawing import Drawer, Drawing
 from sacha_core.train.faults import LARGEST_GRADIENT, Fault
 from sacha_core.train.gradients import GaussianGradients
 from sacha_core.train.looking import Looker
+from sacha_core.train.masks import mask_gradient, mask_penalty
 from sacha_core.train.optimiser import step_gaussians, step_motion
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.rig import Rig
-from sacha_core.train.state import FITTED_MOTION, Arrays, TrainState
+from sacha_core.train.state import FITTED_MOTION, MASK_LOGIT, Arrays, TrainState
 from sacha_core.train.views import Target
 
 __all__ = ["CpuEngine"]
@@ -52,6 +53,7 @@ class CpuEngine:
             raise OptionError(f"density.gradient is {options.density.gradient}, expected ndc on the CPU")
         self.stopwatch: Stopwatch | None = None
         self._fine_tune, losses = options.fine_tune, options.losses
+        self._mask_weight = losses.mask
         self._pool = Pool(options.threads)
         self._rig = Rig(head, motion, self._pool)
         self._rasteriser = Rasteriser(pool=self._pool, stopwatch=self._time)
@@ -59,6 +61,7 @@ class CpuEngine:
         self._looker = Looker(self._rig, self._rasteriser, self._pool, self._time)
         self._image_loss = ImageLoss(losses.l1, losses.ssim, losses.sensitivity, self._pool.run)
         self._gradients = GaussianGradients(losses, self._rig, self._pool, options.fine_tune)
+        self._masks: Arrays = {}  # gradient by the masks, where they are learnt
         self._motion: Arrays = {}  # gradients of the rows of one timestep
         self._timestep, self._degree = 0, 0
         self._fault: Fault | None = None
@@ -98,6 +101,8 @@ class CpuEngine:
         with self._time("Adam"):
             gradients = {name: slope for name, slope in self._gradients.by_name.items() if name not in void}
             colours = () if "sh_rest" in void else self._gradients.colours
+            if MASK_LOGIT not in void:
+                gradients |= self._masks
             if gradients or colours:
                 means = self._drawer.splats.means
                 step_gaussians(self._state, gradients, means, colours, self._degree, rates, self._pool)
@@ -115,7 +120,7 @@ class CpuEngine:
         copies = {name: slope.copy() for name, slope in self._gradients.by_name.items()}
         if self._degree > 0:
             copies["sh_rest"] = self._gradients.by_harmonics(self._degree)
-        return copies | {name: slope.copy() for name, slope in self._motion.items()}
+        return copies | {name: slope.copy() for name, slope in (self._motion | self._masks).items()}
 
     def weights(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:  # noqa: ARG002 (no colour, no degree)
         """Give each Gaussian's blending weight summed over pixels of views of one timestep: plain, and by reference sensitivity."""
@@ -161,10 +166,19 @@ class CpuEngine:
                 losses[name] = losses.get(name, 0.0) + value / len(targets)
         losses["position"], losses["scale"] = gradients.penalties
         losses["total"] += sum(gradients.penalties)
+        if MASK_LOGIT in state.values:
+            losses["mask"] = self._find_mask_gradient(state.values[MASK_LOGIT])
+            losses["total"] += losses["mask"]
         if self._fine_tune:
             with self._time("posing backward"):
                 self._motion = self._rig.backward(pose, row)
         return self._cause(losses["total"])
+
+    def _find_mask_gradient(self, mask_logit: Float[np.ndarray, " n"]) -> float:
+        """Leave the gradient by the masks; give their penalty."""
+        opacities, slopes = self._drawer.splats.opacities, self._gradients.by_name
+        self._masks = {MASK_LOGIT: mask_gradient(mask_logit, opacities, slopes, self._mask_weight)}
+        return mask_penalty(mask_logit, self._mask_weight)
 
     def _judge(self, target: Target, drawing: Drawing, views: int) -> ImageLosses:
         """Compare a drawing with its target; the gradient is of its share of the mean over so many views."""

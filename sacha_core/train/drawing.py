@@ -21,7 +21,8 @@ from sacha_core.raster.kernels.harmonics import harmonic_colours
 from sacha_core.raster.rasteriser import NEAR, Frame, Rasteriser
 from sacha_core.raster.splats import Splats
 from sacha_core.raster.view import view_parameters
-from sacha_core.train.state import TrainState
+from sacha_core.train.masks import alive
+from sacha_core.train.state import MASK_LOGIT, TrainState
 from sacha_core.train.views import Box
 
 __all__ = ["Drawer", "Drawing"]
@@ -114,6 +115,8 @@ class Drawer:
             frames.rotation, frames.scale, frames.origin, self._pose.quaternions, splats.means, splats.scales, splats.quaternions,
         )  # fmt: skip
         splats.opacities[rows] = sigmoid(values["opacity_logit"][rows])
+        if MASK_LOGIT in values:
+            splats.opacities[rows] *= alive(values[MASK_LOGIT][rows])
         splats.colours[rows, 3] = sigmoid(values["sensitivity_logit"][rows])
 
 

@@ -31,6 +31,7 @@ from sacha_core.train.densifying import densify
 from sacha_core.train.devices import find_device, open_engine
 from sacha_core.train.engine import Engine
 from sacha_core.train.importance import SeenWeights, importance, look
+from sacha_core.train.masks import prune_masked
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.output import (
     CHECKPOINT,
@@ -46,13 +47,15 @@ from sacha_core.train.pruning import prune, remove_hidden
 from sacha_core.train.rates import learning_rates
 from sacha_core.train.regions import head_regions
 from sacha_core.train.scene import fingerprint, require_poses, scene_extent
-from sacha_core.train.state import ATTRIBUTES, TrainState, initial_state
+from sacha_core.train.state import ROWS, TrainState, initial_state
 from sacha_core.train.views import Step, TrainingViews, decoded_ahead, epoch_steps, grouped, spread_views
 
 __all__ = ["REST", "Run", "require_head", "train"]
 
 REST = "rest"  # stage of the stopwatch: of an iteration what is in no other
 REPORT_EVERY_S = 0.5
+CHANGED = frozenset(ROWS)  # what is void where Gaussians come and go
+INITIAL_MASK_LOGIT = 1.0  # Compact-3DGS
 
 
 def train(
@@ -174,6 +177,10 @@ class Run:
         iterations = self.options.schedule.iterations
         self.advance(iterations)
         state = self._take()
+        if self.options.losses.mask > 0:  # the model has no masks
+            self.events.append(prune_masked(state, self.regions))
+            self._require_some(state)
+            self.engine.put(state)
         if self.options.pruning.hidden_at_end:
             seen = self._look(self._degree())
             self.events.append(remove_hidden(state, self.options, self.regions, seen)[0])
@@ -228,16 +235,20 @@ class Run:
         last = now >= schedule.iterations
         calibrates, resets = now in schedule.calibrations and not last, now in schedule.opacity_resets and not last
         judges = calibrates or (schedule.prunes(now) and not last)
+        masked = self.options.losses.mask > 0 and schedule.prunes_masked(now) and not last
         void: frozenset[str] = frozenset()
-        if not (judges or resets or schedule.densifies(now)):
+        if not (judges or resets or masked or schedule.densifies(now)):
             return void
         state = self._take()
         if judges:
             void |= self._judge(state, degree, calibrates)
+        if masked:
+            self.events.append(prune_masked(state, self.regions))
+            void |= CHANGED
         if schedule.densifies(now):
             scale = self.engine.triangle_scale
             self.events.append(densify(state, self.options, self.regions, scale, self.extent))
-            void |= frozenset(ATTRIBUTES)
+            void |= CHANGED
         if resets:
             self.events.append(control.reset_opacity(state, self.options))
             void |= {"opacity_logit"}
@@ -279,7 +290,7 @@ class Run:
             self.events.append(prune(state, options, self.regions, score))
         if is_last:
             write_scores(self.folder / SCORES, replace(before, events=tuple(self.events)))
-        return frozenset(ATTRIBUTES) if by_score or hidden_first else frozenset()
+        return CHANGED if by_score or hidden_first else frozenset()
 
     def _look(self, degree: int, passes: Sequence[str] = ()) -> SeenWeights:
         """Sum over training views what they show of each Gaussian; each timestep is posed once."""
@@ -322,7 +333,8 @@ class Run:
         gaussians = initial_gaussians(self.head.n_faces, rng, self.options.sh_degree)
         density = self.options.density
         bases = (density.threshold_in_warm_up or density.threshold, self.options.pruning.ratio)
-        return initial_state(gaussians, self.capture.motion, self.regions.n_regions, *bases)
+        mask_logit = INITIAL_MASK_LOGIT if self.options.losses.mask > 0 else None
+        return initial_state(gaussians, self.capture.motion, self.regions.n_regions, *bases, mask_logit)
 
     def _taken(self, path: Path, until_warm_up: bool) -> TrainState:
         """Give the state to go on from, if a checkpoint leads to this run; take over its events, and its device where none is asked for."""

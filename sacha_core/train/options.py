@@ -19,6 +19,16 @@ WHOLE = 360_000  # iterations of the paper's run
 class LossOptions:
     """Weights of the losses, and where the two penalties begin.
 
+    Args:
+        l1: of the mean absolute difference of the pictures.
+        ssim: of 1 - SSIM.
+        sensitivity: of the cross-entropy of the sensitivity drawn and that of the reference.
+        position: of what Gaussians in view stray beyond `position_limit`.
+        position_limit: distance from the middle of the triangle, local units.
+        mask: of the mean of masks that are learnt; 0 to learn none.
+        scale: of what Gaussians in view swell beyond `scale_limit`.
+        scale_limit: standard deviation, local units.
+
     Source: GaussianAvatars, CVPR 2024, section 3.4; sensitivity: SACHA.
     """
 
@@ -27,6 +37,7 @@ class LossOptions:
     sensitivity: float = 0.01
     position: float = 0.01
     position_limit: float = 1.0  # local units
+    mask: float = 0.0
     scale: float = 1.0
     scale_limit: float = 0.6  # local units
 
@@ -34,6 +45,20 @@ class LossOptions:
 @dataclass(frozen=True)
 class LearningRates:
     """Adam's rates; the position's is times the scene's extent, and falls log-linearly from the first to the last.
+
+    Args:
+        position: at first, scene extents.
+        position_last: at last.
+        log_scale: of its logarithm.
+        quaternion: of rotations.
+        opacity_logit: of opacities.
+        sh_dc: of colours.
+        sh_rest: of harmonics of degree 1 and up.
+        sensitivity_logit: of sensitivities.
+        mask_logit: of masks.
+        pose: of the head's joints.
+        translation: of the head.
+        expression: of expressions.
 
     Source: GaussianAvatars, CVPR 2024, public code; sensitivity: SACHA.
     """
@@ -46,6 +71,7 @@ class LearningRates:
     sh_dc: float = 0.0025
     sh_rest: float = 0.0025 / 20
     sensitivity_logit: float = 1e-4
+    mask_logit: float = 0.01
     pose: float = 1e-5
     translation: float = 1e-6
     expression: float = 1e-3
@@ -69,6 +95,7 @@ class Schedule:
             thirty-sixth of the run, which are 10,000 of the paper's.
         opacity_resets: when opacities are brought down.
         size_prune_from: from here on, densification also removes the far too large.
+        mask_every: once growth has ended, what masks hide goes every so many iterations; before, at each densification.
         sensitivity_until: the loss of sensitivity counts up to here; None for to the end.
     """
 
@@ -84,6 +111,7 @@ class Schedule:
     settling: int | None = None
     opacity_resets: tuple[int, ...] = (10_000, 60_000, 120_000, 180_000, 240_000, 300_000)
     size_prune_from: int = 60_000
+    mask_every: int = 1000
     sensitivity_until: int | None = None
 
     def prunes(self, iteration: int) -> bool:
@@ -97,6 +125,10 @@ class Schedule:
         """Iteration after which Gaussians are pruned by score for the last time, if at all; None for never."""
         moments = self.calibrations if self.prunings is None else self.prunings
         return max((moment for moment in moments if self.prunes(moment)), default=None)
+
+    def prunes_masked(self, iteration: int) -> bool:
+        """Tell whether what masks hide goes after this iteration, if masks are learnt."""
+        return self.densifies(iteration) or (iteration >= self.densify_until and iteration % self.mask_every == 0)
 
     def until_warm_up(self) -> Schedule:
         """Give the schedule without what comes at the end of warm-up or later."""
@@ -161,7 +193,7 @@ class TrainOptions:
         """Refuse numbers that make no sense."""
         schedule = self.schedule
         require(schedule.iterations >= 1, "schedule.iterations", schedule.iterations, "at least 1")
-        for name in ("position_decay", "sh_every", "densify_every"):
+        for name in ("position_decay", "sh_every", "densify_every", "mask_every"):
             require(getattr(schedule, name) >= 1, f"schedule.{name}", getattr(schedule, name), "at least 1")
         require(0 <= self.sh_degree <= 3, "sh_degree", self.sh_degree, "0 to 3")
         require(self.seed >= 0, "seed", self.seed, "at least 0")

@@ -12,7 +12,7 @@ from sacha_core.train.options import WHOLE, Schedule, TrainOptions
 __all__ = ["VARIANTS", "growing_to_the_last_prune", "preset", "scaled", "variant"]
 
 VARIANTS = (
-    "ga", "default", "default-seen", "rad", "rad-gp-lgs", "rad-gp-pis", "default-gp-pis", "paper", "sacha",
+    "ga", "default", "default-seen", "rad", "rad-gp-lgs", "rad-gp-pis", "default-gp-pis", "paper", "mask", "sacha",
     "paper-inverted", "paper-random", "sacha-inverted", "sacha-random", "sacha-uniform",
 )  # fmt: skip
 CONTROLS: dict[str, Modulators] = {"inverted": "inverted", "random": "random", "uniform": "uniform"}
@@ -28,6 +28,8 @@ SHORT = 20_000  # iterations below which a run is short
 SHORT_DENSIFICATIONS = (
     48  # over a whole short run, of which about 40 come after the first and before the last iterations
 )
+MASK_WEIGHT = 5e-4  # Compact-3DGS, whose runs are of 30,000 iterations
+MASK_RUN = 30_000
 CHECKPOINTS = 8  # at least so many in any run
 RECOVERY = 500  # iterations that a short run keeps after its last pruning
 # tau0 does not transfer: gradients of a fit still rough are larger, and 3e-4 lets nearly every Gaussian grow
@@ -98,6 +100,7 @@ def _scaled_schedule(iterations: int) -> Schedule:
         calibrations=_evenly(warm_up, last, len(whole.calibrations)),
         opacity_resets=tuple(sorted({at(moment) for moment in whole.opacity_resets[: 2 if short else None]})),
         size_prune_from=at(whole.size_prune_from),
+        mask_every=max(1, min(whole.mask_every, round(whole.mask_every * iterations / MASK_RUN))),
     )
 
 
@@ -125,6 +128,8 @@ def variant(options: TrainOptions, name: str) -> TrainOptions:
     no guard, scores by what removing would change, growth and pruning end early, and regions compete for what stays by scores over their
     modulators, since quotas take from regions where nothing is superfluous and leave hidden Gaussians where much is.
 
+    `mask` is `default` with masks that learn which Gaussians the pictures can do without, as in Compact-3DGS.
+
     Controls, without which nothing is known: `default-seen` is `default` without what never shows, which goes at the very end;
     `-inverted` has one over each modulator, `-random` that of another region, `-uniform` 1 everywhere.
 
@@ -134,7 +139,7 @@ def variant(options: TrainOptions, name: str) -> TrainOptions:
     if name not in VARIANTS:
         raise OptionError(f"variant {name!r} is unknown; expected one of {', '.join(VARIANTS)}")
     rules, _, control = name.rpartition("-") if name.endswith(tuple(CONTROLS)) else (name, "", "")
-    by_region = rules not in {"ga", "default", "default-seen", "default-gp-pis"}
+    by_region = rules not in {"ga", "default", "default-seen", "default-gp-pis", "mask"}
     is_sacha = rules == "sacha"
     pruning = replace(
         options.pruning,
@@ -151,7 +156,8 @@ def variant(options: TrainOptions, name: str) -> TrainOptions:
     )
     if rules == "ga":
         density = replace(density, threshold=density.threshold * 2 / 3)  # 2e-4 where the paper has 3e-4
-    chosen = replace(options, variant=name, density=density, pruning=pruning)
+    losses = replace(options.losses, mask=MASK_WEIGHT) if rules == "mask" else options.losses
+    chosen = replace(options, variant=name, density=density, pruning=pruning, losses=losses)
     return _ending_early(chosen) if is_sacha else chosen
 
 

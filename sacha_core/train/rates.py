@@ -6,7 +6,7 @@ import math
 
 from sacha_core.flame.posing import TURNS
 from sacha_core.train.options import LearningRates, Schedule
-from sacha_core.train.state import ATTRIBUTES
+from sacha_core.train.state import ROWS
 
 __all__ = ["learning_rates", "position_rate"]
 
@@ -23,7 +23,7 @@ def learning_rates(rates: LearningRates, schedule: Schedule, iteration: int, ext
     position = position_rate(rates.position, rates.position_last, iteration, schedule.position_decay)
     return {
         "position": position * extent,
-        **{name: getattr(rates, name) for name in ATTRIBUTES if name != "position"},
+        **{name: getattr(rates, name) for name in ROWS if name != "position"},
         **dict.fromkeys(TURNS, rates.pose),
         "translation": rates.translation,
         "expression": rates.expression,

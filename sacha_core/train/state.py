@@ -11,11 +11,15 @@ from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.train.faults import Faults
 
-__all__ = ["ATTRIBUTES", "FITTED_MOTION", "Arrays", "TrainState", "initial_state", "rearrange"]
+__all__ = [
+    "ATTRIBUTES", "FITTED_MOTION", "MASK_LOGIT", "ROWS", "Arrays", "TrainState", "initial_state", "rearrange",
+]  # fmt: skip
 
 ATTRIBUTES = (
     "position", "log_scale", "quaternion", "opacity_logit", "sensitivity_logit", "sh_dc", "sh_rest",
 )  # fmt: skip
+MASK_LOGIT = "mask_logit"  # (n,), of runs that learn masks
+ROWS = (*ATTRIBUTES, MASK_LOGIT)  # what has a row a Gaussian
 FITTED_MOTION = ("rotation", "neck", "jaw", "eyes", "translation", "expression")
 
 Arrays = dict[str, Float[np.ndarray, "..."]]
@@ -68,7 +72,14 @@ class TrainState:
         return Motion(original.shape, original.static_offset, **fitted, frame_rate=original.frame_rate)
 
 
-def initial_state(gaussians: Gaussians, motion: Motion, n_regions: int, threshold: float, ratio: float) -> TrainState:
+def initial_state(
+    gaussians: Gaussians,
+    motion: Motion,
+    n_regions: int,
+    threshold: float,
+    ratio: float,
+    mask_logit: float | None = None,
+) -> TrainState:
     """Give the state before the first iteration.
 
     Args:
@@ -77,11 +88,14 @@ def initial_state(gaussians: Gaussians, motion: Motion, n_regions: int, threshol
         n_regions: of the region scheme.
         threshold: of growth, until regions are measured.
         ratio: of pruning, likewise.
+        mask_logit: of every Gaussian's mask; None where none are learnt.
     """
     n = len(gaussians)
     sensitivity = gaussians.sensitivity_logit
     values: Arrays = {name: getattr(gaussians, name) for name in ATTRIBUTES if name != "sensitivity_logit"}
     values["sensitivity_logit"] = np.full(n, np.log(0.1 / 0.9), np.float32) if sensitivity is None else sensitivity
+    if mask_logit is not None:
+        values[MASK_LOGIT] = np.full(n, mask_logit, np.float32)
     values |= {name: getattr(motion, name) for name in FITTED_MOTION}
     values = {name: np.array(value, np.float32, order="C") for name, value in values.items()}
     return TrainState(
@@ -118,7 +132,7 @@ def rearrange(
     order = np.argsort(state.binding[rows], kind="stable")
     rows = rows[order]
     anew = np.flatnonzero(np.zeros(0, bool) if fresh is None else fresh[order])
-    for name in ATTRIBUTES:
+    for name in (name for name in ROWS if name in state.values):
         given = None if replaced is None else replaced.get(name)
         state.values[name] = state.values[name].take(rows, axis=0) if given is None else given.take(order, axis=0)
         for moments in (state.first, state.second):

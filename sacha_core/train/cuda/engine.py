@@ -21,6 +21,7 @@ from sacha_core.train.cuda.drawing import Drawer, Drawing, Gsplat, World, load_g
 from sacha_core.train.cuda.graphs import Recorder
 from sacha_core.train.cuda.image_loss import DeviceImageLoss
 from sacha_core.train.cuda.layout import NAMES
+from sacha_core.train.cuda.offered import require_offered
 from sacha_core.train.cuda.penalties import penalise
 from sacha_core.train.cuda.scene import Scene
 from sacha_core.train.cuda.state import DeviceState
@@ -57,6 +58,7 @@ class CudaEngine:
 
     Raises:
         HeadError: the motion has components or vertex offsets that the head lacks.
+        OptionError: an option is for the CPU alone.
     """
 
     def __init__(
@@ -68,6 +70,7 @@ class CudaEngine:
         gsplat: Gsplat | None = None,
         graphs: bool = False,
     ) -> None:
+        require_offered(options)
         torch.set_float32_matmul_precision("highest")  # products are small here, and their digits matter
         self.stopwatch: Stopwatch | None = None
         self._device = torch.device(device)
