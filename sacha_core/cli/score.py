@@ -59,6 +59,10 @@ class Options:
     views: Annotated[int, tyro.conf.arg(metavar="N")] = 120
     """About how many views: all cameras at evenly spaced frames."""
 
+    score: Literal["pis", "lgs", "removal", "removal-absolute"] = "pis"
+    """pis: blending weight, more where the eye would notice (the paper's); lgs: LightGaussian's; removal: what the picture would change by
+    without the Gaussian, squared or absolute."""
+
     means: Literal["visible", "plain", "weighted"] = "visible"
     """Which mean sensitivity tells what a region needs: of the Gaussians that show, of all, or weighted by how much of each shows."""
 
@@ -115,7 +119,8 @@ def score_options(options: Options) -> TrainOptions:
     require_both_sides(size.width, size.height)
     usual = TrainOptions(width=size.width, height=size.height, device=options.device)
     importance, density = replace(usual.importance, views=options.views), replace(usual.density, means=options.means)
-    return replace(usual, importance=importance, density=density)
+    pruning = replace(usual.pruning, score=options.score)
+    return replace(usual, importance=importance, density=density, pruning=pruning)
 
 
 def beside(avatar: Path) -> Path:
@@ -190,6 +195,7 @@ def report(scored: Scored, options: Options, output: Path) -> dict[str, Any]:
         "n_views": scored.n_views,
         "views_from": "capture" if options.dataset else "rig",
         "sensitivity": "learned" if scored.learned else "estimated",
+        "score": options.score,
         "means": options.means,
         "regions": regions(scored),
     }

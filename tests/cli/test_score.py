@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from sacha_core.density.events import Calibration
+from sacha_core.density.scores.table import KNOWN_SCORES
 from sacha_core.density.scores_file import read_scores
 from sacha_core.interchange.gaussian_avatars import read_model, write_model
 from sacha_core.interchange.splat_ply import read_bound_ply, write_bound_ply
@@ -48,6 +49,13 @@ def test_score_writes_every_gaussian_with_one_calibration(scored, imported: Path
     assert "none was learned" in outcome.out
     for row, modulator in zip(outcome.report["regions"], scores.events[0].modulator, strict=True):
         assert row["modulator"] == modulator
+
+
+@pytest.mark.parametrize("kind", KNOWN_SCORES)
+def test_every_known_score_can_be_asked_for(done, imported: Path, tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "k.scores.npz"
+    assert done("score", imported, *HEAD, *SMALL, "--score", kind, "-o", path).report["score"] == kind
+    assert read_scores(path).score.max() > 0
 
 
 def test_score_takes_a_capture_and_keeps_what_was_learned(done, model: Path, capture: Path, tmp_path: Path) -> None:
