@@ -130,10 +130,6 @@ class CpuEngine:
         """Give what views of one timestep change by where a Gaussian alone is removed: squared, absolute; plain and by sensitivity."""
         return self._looker.removals(self._state, targets, degree)
 
-    def errors(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:
-        """Give the difference of views of one timestep from the truth, shared out by blending weight: plain, and by sensitivity."""
-        return self._looker.errors(self._state, targets, degree)
-
     @property
     def triangle_scale(self) -> Float[np.ndarray, " f"]:
         """Metres a local unit, of each triangle, in the pose of the last `differentiate` that could pose."""

@@ -85,17 +85,6 @@ class Engine(Protocol):
         Leaves the gradients of the last `differentiate` as they are. A timestep that cannot be posed changes nothing.
         """
 
-    def errors(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:
-        """Give the absolute difference of views of one timestep from the truth, summed over colours and shared out by blending weight.
-
-        Each Gaussian's sum over pixels of its weight times the difference there: plain, and by reference sensitivity. What has much is
-        where detail is missing. All of it together is the views' difference, but for what the background shows.
-        Values count from 0 to 1. Leaves the gradients of the last `differentiate` as they are.
-
-        Source: error-based densification of Rota Bulo et al., Revising densification in Gaussian splatting, ECCV 2024, with the absolute
-        difference for SSIM's.
-        """
-
     @property
     def triangle_scale(self) -> Float[np.ndarray, " f"]:
         """Metres a local unit, of each triangle, in the pose of the last `differentiate` that could pose."""

@@ -23,7 +23,6 @@ __all__ = ["PASSES", "SeenWeights", "importance", "look", "spreads"]
 # what scores need of the views of one timestep besides blending weights: (n, ...) float64, to be summed over views
 PASSES: dict[str, Callable[[Engine, Sequence[Target], int], Float[np.ndarray, "n ..."]]] = {
     "removal": lambda engine, targets, degree: engine.removals(targets, degree),
-    "errors": lambda engine, targets, degree: engine.errors(targets, degree),
 }
 
 

@@ -58,14 +58,6 @@ class Looker:
             changes += np.concatenate([found.squared, found.absolute], axis=1)
         return changes
 
-    def errors(self, state: TrainState, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:
-        """See `sacha_core.train.engine.Engine.errors`."""
-        errors = np.zeros((len(state), 2))
-        for target, drawing in self._drawings(state, targets, degree):
-            error = np.abs(drawing.frame.image[:COLOURS] - truth(target, drawing)).sum(axis=0)
-            errors += self._rasteriser.colour_weights(drawing.frame, error * pixel_weights(target, drawing))
-        return errors
-
     def _drawings(
         self, state: TrainState, targets: Sequence[Target], degree: int | None
     ) -> Iterator[tuple[Target, Drawing]]:
@@ -82,12 +74,6 @@ class Looker:
             except ColourError:
                 continue
             yield target, drawing
-
-
-def truth(target: Target, drawing: Drawing) -> Float[np.ndarray, "3 h w"]:
-    """Give what should have been drawn."""
-    left, top, right, bottom = drawing.box
-    return target.image[:, top:bottom, left:right] * UNIT
 
 
 def pixel_weights(target: Target, drawing: Drawing) -> Float[np.ndarray, "2 h w"]:

@@ -218,19 +218,6 @@ def test_removals_are_what_pictures_change_by(tiny, scene) -> None:
     assert engine.removals([target, target], DEGREE) == pytest.approx(2 * changes)
 
 
-def test_errors_share_out_the_loss_but_for_what_the_background_shows(tiny, scene) -> None:
-    """Weights and transmittance add up to one in every pixel."""
-    engine, state, target = scene
-    loss = judged(engine, state, target).losses["l1"] * target.image.size
-    errors = engine.errors([target], DEGREE)
-    frames = triangle_frames(Poser(tiny.head, state.motion(tiny.capture.motion))(target.timestep), tiny.head.faces)
-    seen = render_avatar(state.gaussians(), frames, target.camera, sh_degree=DEGREE)
-    bare = (np.abs(seen.colour - target.image.transpose(1, 2, 0) / 255).sum(axis=2) * (1 - seen.alpha)).sum()
-    assert errors[:, 0].sum() == pytest.approx(loss - bare, rel=WEIGHTS)
-    assert (errors[:, 1] <= errors[:, 0] * (1 + 1e-6)).all()
-    assert errors[:, 1].any()
-
-
 def test_removals_of_a_timestep_that_cannot_be_drawn_are_none(scene) -> None:
     engine, state, target = scene
     engine.put(state)

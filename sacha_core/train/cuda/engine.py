@@ -189,13 +189,6 @@ class CudaEngine:
         """
         return self._on_host().removals(self.take(), targets, degree)
 
-    def errors(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:
-        """Give the difference of views of one timestep from the truth, shared out by blending weight: plain, and by sensitivity.
-
-        Drawn on the CPU, like `removals`. Waits for the device.
-        """
-        return self._on_host().errors(self.take(), targets, degree)
-
     @property
     def triangle_scale(self) -> Float[np.ndarray, " f"]:
         """Metres a local unit, of each triangle, in the pose of the last `differentiate` that could pose; waits for the device."""
