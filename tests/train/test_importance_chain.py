@@ -73,7 +73,9 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Small:
         eye = 0.5 * np.array([np.sin(1.9 * index), 0.3, np.cos(1.9 * index)])
         camera = Camera.look_at(eye, np.zeros(3), SIDE, SIDE, 1.5 * SIDE)
         pixels = np.full((SIDE, SIDE, 3), 255, np.uint8)
-        pixels[4:28, 6:25] = rng.integers(0, 256, 3)
+        pixels[4:28, 6:25] = rng.integers(60, 200, 3) + rng.integers(
+            -2, 3, (24, 19, 1)
+        )  # edges as faint as the threshold
         pixels[8:20, 9:17] = rng.integers(0, 256, (12, 8, 3))
         path = root / f"{timestep}_{index}.png"
         Image.fromarray(pixels).save(path)
