@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from sacha_core.avatar.gaussians import Gaussians
-from sacha_core.density.events import Calibration, Event, Pruning
+from sacha_core.density.events import Calibration, Event, HiddenRemoval, Pruning
 from sacha_core.evaluate.ablation.result import RegionResult
 from sacha_core.flame.model import HeadModel
 from sacha_core.regions.labels import label_triangles, region_counts
@@ -39,11 +39,12 @@ def region_results(
     shown = region_counts(labels, gaussians.binding[visible])
     calibrations = [event for event in events if isinstance(event, Calibration)]
     prunings = [event for event in events if isinstance(event, Pruning)]
+    removals = [event for event in events if isinstance(event, Pruning | HiddenRemoval)]
     return {
         name: RegionResult(
             n=int(counts[r]),
             n_visible=int(shown[r]),
-            n_before=prunings[0].before[r] if prunings else None,
+            n_before=removals[0].before[r] if removals else None,
             modulator_first=calibrations[0].modulator[r] if calibrations else None,
             modulator_last=calibrations[-1].modulator[r] if calibrations else None,
             threshold=(calibrations[-1].threshold[r] if calibrations else None) or options.density.threshold,

@@ -68,7 +68,7 @@ class RegionResult:
     Args:
         n: how many there are at the end.
         n_visible: those that training views show.
-        n_before: how many there were before the first pruning; None where nothing was pruned by score.
+        n_before: how many there were before the first pruning; None where only densification removed any.
         modulator_first: m_R at the first calibration; None where the region had no mean.
         modulator_last: at the last.
         threshold: tau_R at the end.
