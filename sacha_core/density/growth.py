@@ -65,8 +65,8 @@ def shared_opacity(opacity_logit: Float[np.ndarray, " n"]) -> Float[np.ndarray, 
     """
     # with t = sqrt(1 - o), the logit of 1 - t is log((1 - t) / t), and 1 - t = o / (1 + t) loses no digits where o is small
     logit = opacity_logit.astype(np.float64)
-    through = np.exp(-0.5 * np.logaddexp(0, logit))
-    shared = -np.logaddexp(0, -logit) - np.log1p(through) - np.log(through)
+    log_through = -0.5 * np.logaddexp(0, logit)
+    shared = -np.logaddexp(0, -logit) - np.log1p(np.exp(log_through)) - log_through
     return shared.astype(opacity_logit.dtype)
 
 

@@ -53,7 +53,8 @@ class CpuEngine:
             raise OptionError(f"density.gradient is {options.density.gradient}, expected ndc on the CPU")
         self.stopwatch: Stopwatch | None = None
         self._fine_tune, losses = options.fine_tune, options.losses
-        self._mask_weight = losses.mask
+        self._mask_weight, self._sensitivity_weight = losses.mask, losses.sensitivity
+        self._sensitivity_until = options.schedule.sensitivity_until
         self._pool = Pool(options.threads)
         self._rig = Rig(head, motion, self._pool)
         self._rasteriser = Rasteriser(pool=self._pool, stopwatch=self._time)
@@ -80,6 +81,8 @@ class CpuEngine:
     def differentiate(self, iteration: int, targets: Sequence[Target], degree: int) -> None:
         """Draw some views of one timestep, compare, and keep the gradients of the mean loss; adds to statistics and losses."""
         self._timestep, self._degree = targets[0].timestep, degree
+        ended = self._sensitivity_until is not None and iteration > self._sensitivity_until
+        self._image_loss.entropy_weight = 0.0 if ended else self._sensitivity_weight
         losses: dict[str, float] = {}
         cause = self._find_gradients(targets, losses)
         self._fault = None if cause is None else Fault(iteration, *cause)

@@ -128,6 +128,10 @@ def variant(options: TrainOptions, name: str) -> TrainOptions:
     no guard, scores by what removing would change, growth and pruning end early, and regions compete for what stays by scores over their
     modulators, since quotas take from regions where nothing is superfluous and leave hidden Gaussians where much is.
 
+    `ga` keeps what all runs share: sensitivities are learnt beside, whose loss reaches the geometry with a weight of 0.01, and the rate of
+    positions falls until the end of the run, where GaussianAvatars' own falls over 600,000 iterations whatever the run's length. Without
+    either: `--set losses.sensitivity=0 schedule.position_decay=600000`, the latter scaled.
+
     `mask` is `default` with masks that learn which Gaussians the pictures can do without, as in Compact-3DGS.
 
     Controls, without which nothing is known: `default-seen` is `default` without what never shows, which goes at the very end;

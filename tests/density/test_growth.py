@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from sacha_core.density.growth import growth, split_children
+from sacha_core.density.growth import growth, shared_opacity, split_children
 
 FLOAT32 = 1e-6  # one rounding of numbers about 1
 SAMPLES = 20_000  # relative error of an estimated deviation: 1 / sqrt(2 SAMPLES) = 0.005
@@ -59,3 +61,22 @@ def test_no_parents_no_children() -> None:
     none = [np.zeros((0, width), np.float32) for width in (3, 3, 4)]
     means, sizes = split_children(*none, np.zeros(0, np.float32), np.random.default_rng(0))
     assert means.shape == sizes.shape == (0, 3)
+
+
+@given(st.floats(-80, 30))
+def test_a_shared_opacity_lets_through_twice_what_the_whole_let_through_once(logit) -> None:
+    """The oracle is the law itself, in float64: (1 - o')^2 = 1 - o, with o' = o / (1 + sqrt(1 - o))."""
+    shared = shared_opacity(np.array([logit]))[0]
+    opacity = 1 / (1 + np.exp(-logit))
+    half = 1 / (1 + np.exp(-shared))
+    rest = 1 / (1 + np.exp(logit))  # 1 - o, of which nothing is lost near 1
+    assert half == pytest.approx(opacity / (1 + np.sqrt(rest)), rel=1e-12)
+    assert (1 / (1 + np.exp(shared))) ** 2 == pytest.approx(rest, rel=1e-10)
+    assert shared < logit
+
+
+def test_shared_opacities_keep_their_type_at_every_extreme() -> None:
+    logit = np.array([-1e30, -100, 0, 100, 3e38], np.float32)
+    shared = shared_opacity(logit)
+    assert shared.dtype == np.float32
+    assert np.isfinite(shared).all()

@@ -175,6 +175,26 @@ def test_a_camera_that_looks_away_sees_nothing(scene) -> None:
     assert all(np.isfinite(gradient).all() for gradient in outcome.gradients.values())
 
 
+def test_the_loss_of_sensitivity_ends_when_it_is_told_to(tiny, scene) -> None:
+    """The oracle: an engine without that loss."""
+    _, state, target = scene
+    schedule = replace(TrainOptions().schedule, sensitivity_until=5)
+    ending, without = (
+        CpuEngine(tiny.head, tiny.capture.motion, replace(TrainOptions(threads=1), losses=losses, schedule=schedule))
+        for losses in (LossOptions(), LossOptions(sensitivity=0))
+    )
+    found = {}
+    for iteration in (5, 6):
+        for engine in (ending, without):
+            engine.put(state)
+            engine.differentiate(iteration, [target], DEGREE)
+            found[iteration, engine] = engine.gradients()
+    assert found[5, ending]["sensitivity_logit"].any()
+    assert not found[6, ending]["sensitivity_logit"].any()
+    for name, gradient in found[6, ending].items():
+        assert np.array_equal(gradient, found[6, without][name])
+
+
 def test_penalties_are_the_means_of_the_method(scene) -> None:
     engine, state, target = scene
     state.values["position"][:] = np.float32([1.5, 0, 0])

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.avatar.motion import Motion
+from sacha_core.density.growth import shared_opacity
 from sacha_core.density.selection import lowest_of_all
 from sacha_core.train.densifying import densify
 from sacha_core.train.density_control import calibrate, reset_opacity
@@ -81,6 +82,19 @@ def test_a_clone_is_its_parent_with_fresh_moments() -> None:
         assert (state.second[name][4] == 0).all()
     assert not state.gradient_sum.any()
     assert not state.gradient_count.any()
+
+
+def test_a_clone_may_share_its_parents_opacity() -> None:
+    state, copied = state_of(), state_of()
+    for one in (state, copied):
+        one.gradient_sum[3], one.gradient_count[3] = 1.0, 2
+        one.values["log_scale"][3] = 0
+    logit = state.values["opacity_logit"][3:4].copy()
+    densify(state, options(clone_opacity="shared"), REGIONS, SIZES_M, EXTENT_M)
+    densify(copied, options(), REGIONS, SIZES_M, EXTENT_M)
+    assert np.array_equal(state.values["opacity_logit"][3:5], np.repeat(shared_opacity(logit), 2))
+    others = np.delete(state.values["opacity_logit"], [3, 4])
+    assert np.array_equal(others, np.delete(copied.values["opacity_logit"], [3, 4]))
 
 
 def test_a_split_replaces_its_parent_by_two_smaller_ones_close_by() -> None:
@@ -264,7 +278,7 @@ def test_importance_in_metres_prefers_large_triangles() -> None:
     state.values["sensitivity_logit"][:] = 0
     seen = SeenWeights(np.ones((len(state), 2)), 1)
     sizes = np.linspace(0.001, 0.02, FACES).astype(np.float32)
-    chosen = preset("sacha")
+    chosen = preset("rad-gp-pis")
     local = importance(state, chosen, seen, sizes)
     assert len(set(local)) == 1
     world = importance(state, replace(chosen, importance=replace(chosen.importance, volume_space="world")), seen, sizes)

@@ -141,6 +141,9 @@ def test_a_run_with_masks_resumes_to_the_bit_and_leaves_nothing_hidden(tiny, tmp
 def test_masks_that_weigh_nothing_are_not_learnt_and_cuda_says_that_it_has_none(tiny, tmp_path) -> None:
     with pytest.raises(OptionError, match=r"^losses\.mask is 0\.005, expected 0 on cuda"):
         require_offered(masked())
+    made = TrainOptions()
+    with pytest.raises(OptionError, match=r"^schedule\.sensitivity_until is 7, expected none on cuda"):
+        require_offered(replace(made, schedule=replace(made.schedule, sensitivity_until=7)))
     plain = train(tiny.capture, tiny.head, scaled(20, "default", TrainOptions(threads=1, device="cpu")), tmp_path)
     assert not any(isinstance(event, MaskPruning) for event in plain.events)
 

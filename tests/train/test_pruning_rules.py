@@ -101,6 +101,16 @@ def test_what_never_shows_goes_first_and_the_ratio_is_of_the_rest(seed, guard, s
             assert sum(second.requested) == len(kept) // 5
 
 
+@given(st.integers(0, 2**32), st.sampled_from(GUARDS))
+def test_one_ratio_for_each_region_is_that_of_every_region(seed, guard) -> None:
+    state, score = state_of(seed), np.random.default_rng(seed).exponential(size=60)
+    state.ratios = np.array([0.1, 0.3, 0.2, 0.4])  # which do not matter
+    expected = lowest_of_each_region(score, REGIONS.of(state.binding), np.full(4, 0.25), state.binding, guard)
+    event = prune(state, pruning(scope="each", ratio=0.25, guard=guard), REGIONS, score)
+    assert event.requested == tuple(int(Fraction(1, 4) * count) for count in event.before)
+    assert names_of(state) == set(np.flatnonzero(~expected.remove))
+
+
 @given(st.integers(0, 2**32), st.integers(0, 2**32), st.sampled_from(GUARDS))
 def test_what_is_hidden_does_not_depend_on_the_order(seed, order, guard) -> None:
     rng = np.random.default_rng(seed)
@@ -167,3 +177,24 @@ def test_by_region_exactly_the_floor_of_each_regions_ratio_goes(seed) -> None:
         members = np.flatnonzero(of == region)
         gone = sorted(members, key=lambda i: (score[i], i))[: event.removed[region]]
         assert set(members) - names_of(state) == set(gone)
+
+
+@pytest.mark.parametrize("name", ["default", "paper"])
+def test_the_threshold_of_warm_up_ends_with_it(name) -> None:
+    made = variant(TrainOptions(), name)
+    made = replace(made, density=replace(made.density, threshold_in_warm_up=2e-4))
+    state = state_of(0)
+    state.thresholds[:] = 2e-4
+    event = calibrate(state, made, REGIONS, None)
+    assert state.thresholds == pytest.approx(
+        bounded(3e-4, np.array(event.modulator), 1.5e-4, 6e-4) if name == "paper" else 3e-4
+    )
+
+
+def test_prunings_may_come_apart_from_calibrations_and_wait_for_opacities() -> None:
+    schedule = replace(TrainOptions().schedule, prunings=(125_000, 135_000, 200_000))
+    assert [schedule.prunes(moment) for moment in (110_000, 125_000, 135_000, 200_000)] == [False, False, True, True]
+    assert schedule.last_pruning == 200_000
+    assert replace(schedule, settling=0).prunes(125_000)
+    assert replace(schedule, prunings=()).last_pruning is None
+    assert replace(schedule, settling=10**6).last_pruning is None

@@ -166,7 +166,7 @@ def _seen(census: tuple[int, ...], change: Change) -> SeenWeights:
     weights = np.random.default_rng(10).exponential(20, (len(of), 2)) * [1, 0.3]
     if "seen" in change:
         weights[(of == 2) | (change["seen"] == 0)] = 0
-    return SeenWeights(weights, N_VIEWS)
+    return SeenWeights(weights, N_VIEWS, {"removal": np.tile(weights / 20, 2)})  # what changes shows and is no larger
 
 
 def _regions_of(census: tuple[int, ...]) -> Int[np.ndarray, " n"]:

@@ -18,3 +18,7 @@ def require_offered(options: TrainOptions) -> None:
         raise OptionError(
             f"losses.mask is {options.losses.mask}, expected 0 on cuda: masks are learnt on the CPU alone"
         )
+    if (until := options.schedule.sensitivity_until) is not None:
+        raise OptionError(
+            f"schedule.sensitivity_until is {until}, expected none on cuda, where that loss counts to the end"
+        )
