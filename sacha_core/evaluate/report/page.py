@@ -75,7 +75,8 @@ def _cell(text: str, place: int) -> str:
         return f'<th scope="row">{escape(first)}{_second(rest)}</th>'
     tone = TONES.get(first.partition(":")[0])
     shown = escape(first) if tone is None else f'<span class="{tone}">{escape(first)}</span>'
-    return f"<td>{shown}{_second(rest)}</td>"
+    words = "" if tone or any(letter.isdigit() for letter in first) else ' class="words"'
+    return f"<td{words}>{shown}{_second(rest)}</td>"
 
 
 def _second(text: str) -> str:

@@ -16,7 +16,7 @@ from sacha_core.evaluate.report.targets import Outcome
 from sacha_core.evaluate.report.text import DECIMALS, MISSING, difference, number
 from sacha_core.regions.scheme import PAPER
 
-__all__ = ["difference_grid", "equal_flip_grid", "glance_grid", "rate_grid", "region_rate_grid", "target_grid"]
+__all__ = ["difference_grid", "equal_flip_grid", "glance_grid", "rate_grid", "region_rate_grid", "tally", "target_grid"]
 
 THOUSANDTH = 1e-3
 PAIRED = "Mean ± standard deviation of the differences by seed; in brackets how many of the pairs are above 0."
@@ -32,12 +32,10 @@ def target_grid(outcomes: Sequence[Outcome]) -> Grid:
         *(f"{text}, {name}" for name in SHORT_SETTINGS.values() for text in ("measured", "verdict")),
     )
     rows = tuple(
-        (claim, *(text for one in found for text in (_rate(one.measured), _verdict(one))))
+        (claim, *(text for one in found for text in (_measured(one.measured), _verdict(one))))
         for claim, found in by_claim.items()
     )
-    note = (
-        f"{PAIRED} Bytes by the mean BD-rate over PSNR; FLIP by its mean difference at equal bytes, below 0 is better."
-    )
+    note = f"{PAIRED} Bytes by the mean BD-rate over PSNR; FLIP, in thousandths, by its mean difference at equal bytes, below 0 is better."
     return Grid("Targets", note, header, rows)
 
 
@@ -49,14 +47,9 @@ def glance_grid(outcomes: Sequence[Outcome]) -> Grid:
         cells = []
         for target in BYTE_TARGETS:
             (bytes_needed,) = [o for o in here if o.measured.against == target.against and o.measured.unit == "%"]
-            cells.append(f"{bytes_needed.verdict}\n{_rate(bytes_needed.measured)}")
+            cells.append(f"{bytes_needed.verdict}\n{_measured(bytes_needed.measured)}")
         perceived = [one for one in here if one.measured.unit != "%"]
-        decided = [one for one in perceived if one.verdict != "not decided"]
-        held = sum(one.verdict == "held" for one in decided)
-        verdict = "not decided" if not decided else "held" if held == len(perceived) else "not held"
-        rows.append(
-            (f"{dataset}\nnovel {SHORT_SETTINGS[setting or '']}", *cells, f"{verdict}\n{held} of {len(perceived)} held")
-        )
+        rows.append((f"{dataset}\nnovel {SHORT_SETTINGS[setting or '']}", *cells, tally(perceived)))
     header = (
         "capture",
         *(f"bytes against {t.against}: {t.fewer_percent:g} % fewer wanted" for t in BYTE_TARGETS),
@@ -146,13 +139,30 @@ def _verdict(outcome: Outcome) -> str:
     return outcome.verdict + (f"\n{outcome.remark}" if outcome.remark else "")
 
 
+def tally(outcomes: Sequence[Outcome]) -> str:
+    """Sum several verdicts up in one: one target missed is enough to miss all."""
+    count = {
+        verdict: sum(one.verdict == verdict for one in outcomes) for verdict in ("held", "not held", "not decided")
+    }
+    whole = "not held" if count["not held"] else "not decided" if count["not decided"] else "held"
+    return f"{whole}\n" + ", ".join(f"{n} {verdict}" for verdict, n in count.items() if n)
+
+
+def _measured(entry: Entry) -> str:
+    """Set a comparison of curves, FLIP's in thousandths."""
+    return difference(entry, 1) if entry.unit == "%" else difference(entry, 1, THOUSANDTH)
+
+
 def _rate(entry: Entry | None) -> str:
-    """Set a comparison of curves, FLIP's in thousandths; where none has a value, say why."""
+    """Set a comparison of curves; where none has a value, say why."""
     if entry is None:
         return MISSING
     if entry.n_seeds:
-        return difference(entry, 1) if entry.unit == "%" else difference(entry, 1, THOUSANDTH)
-    reasons = {reason.partition(": ")[2] or reason for reason in entry.seeds.missing.values()}
+        return _measured(entry)
+    reasons = {
+        (reason.partition(": ")[2] or reason).removeprefix("the curves have ")
+        for reason in entry.seeds.missing.values()
+    }
     return "; ".join(sorted(reasons)) or MISSING
 
 

@@ -32,7 +32,7 @@ thead th { color: var(--faint); font-weight: 600; vertical-align: bottom; white-
   th:first-child { text-align: left; }
 tbody th { font-weight: 600; white-space: normal; min-width: 12rem; position: sticky; left: 0; background: var(--paper); }
 td small, th small { display: block; color: var(--faint); font-size: .92em; font-weight: 400; white-space: normal; }
-td small { min-width: 9rem; }
+td small { min-width: 8rem; } .words { white-space: normal; color: var(--faint); font-size: .94em; }
 tbody tr:nth-child(even), tbody tr:nth-child(even) th { background: var(--stripe); }
 .held { color: var(--held); font-weight: 600; } .missed { color: var(--missed); font-weight: 600; } .open { color: var(--open);
   white-space: normal; }

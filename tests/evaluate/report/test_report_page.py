@@ -15,6 +15,9 @@ from fabricated import fabricated, fabricated_results
 
 from sacha_core.errors import OptionError
 from sacha_core.evaluate.report import ReportPaths, write_report
+from sacha_core.evaluate.report.entry import Entry, Seeds
+from sacha_core.evaluate.report.pair_grids import tally
+from sacha_core.evaluate.report.targets import Outcome, Verdict
 
 VOID = {"meta", "img", "br", "link"}
 
@@ -137,6 +140,15 @@ def test_names_cannot_break_out_of_the_page(tmp_path: Path) -> None:
     assert wicked in page.text
     assert all(figure.parent == tmp_path / "figures" for figure in paths.figures)
     assert "<script>" not in paths.markdown.read_text(encoding="utf-8").replace("\\<", "")
+
+
+def test_one_target_missed_is_enough_to_miss_all() -> None:
+    def outcome(verdict: Verdict) -> Outcome:
+        return Outcome("", Entry("", "", "sacha", "", "", Seeds({})), verdict, "")
+
+    assert tally([outcome("held")] * 2) == "held\n2 held"
+    assert tally([outcome("held"), outcome("not decided")]) == "not decided\n1 held, 1 not decided"
+    assert tally([outcome("held"), outcome("not held"), outcome("not decided")]).startswith("not held")
 
 
 def test_no_results_are_refused(tmp_path: Path) -> None:
