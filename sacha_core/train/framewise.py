@@ -27,6 +27,7 @@ from sacha_core.perception.ssim import ssim
 from sacha_core.progress import Progress, Report, silent
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.scene import render_avatar
+from sacha_core.train.checkpoint import flat
 from sacha_core.train.loop import Run
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.scene import fingerprint
@@ -129,7 +130,11 @@ def frame_ply(out: Path, timestep: int) -> Path:
 def plain(options: TrainOptions) -> dict[str, Any]:
     """Give the options that change the result, as JSON has them."""
     record: dict[str, Any] = json.loads(json.dumps(options.record()))
-    return {name: value for name, value in record.items() if name not in {"threads", "image_cache_bytes"}}
+    return {
+        name: value
+        for name, value in record.items()
+        if name not in {"threads", "checkpoint_every", "image_cache_bytes"}
+    }
 
 
 def require_views(capture: Capture, timestep: int) -> None:
@@ -162,8 +167,11 @@ def kept(folder: Path, settings: dict[str, Any]) -> FrameResult | None:
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise FormatError(f"{path}: not the result of a frame ({error!r}); remove it to fit the frame again") from error
     if before != settings:
-        differing = next((name for name in settings if before.get(name) != settings[name]), "settings")
-        raise OptionError(f"{folder} holds a frame with other {differing}; choose another folder")
+        old, new = flat(before) if isinstance(before, dict) else {}, flat(settings)
+        name = next(name for name in (*new, *old) if old.get(name) != new.get(name))
+        raise OptionError(
+            f"{folder} holds a frame with another {name} ({old.get(name)}, not {new.get(name)}); choose another folder"
+        )
     return found
 
 
