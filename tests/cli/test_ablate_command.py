@@ -140,6 +140,6 @@ def test_what_makes_no_sense_is_refused(
 
 def test_nothing_to_do_is_refused(refused, tmp_path: Path) -> None:
     """Oracle: the message."""
-    assert "there is no dataset to train on" in refused("ablate", "-o", tmp_path)
+    assert "there is no dataset to train, expected at least one" in refused("ablate", "-o", tmp_path)
     assert "nowhere" in refused("ablate", tmp_path / "nowhere", "-o", tmp_path)
     assert "holds no results" in refused("ablate", "-o", tmp_path, "--report-only")
