@@ -26,7 +26,7 @@ DIRECTIONS = {"front": (0.0, 0.0, 1.0), "side": (1.0, 0.0, 0.35)}
 PORTRAIT = (300, 390)  # pixels, width and height
 DENSITY_MAP, RATIO_MAP = "cividis", "PuOr_r"  # the same to colour-blind eyes
 EXTREMES = (2, 98)  # percentiles of the densities that the scale spans
-MOST_RATIO = 4.0
+MOST_RATIO = 8.0
 ROW_INCHES = 2.15
 
 
@@ -124,7 +124,9 @@ def _laid_out(
 def _plain_ticks(bar: Any, over: bool) -> None:
     from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator  # noqa: PLC0415
 
-    bar.ax.yaxis.set_major_locator(FixedLocator([1 / 4, 1 / 2, 1, 2, 4]) if over else LogLocator(subs=(1, 2, 5)))
+    bar.ax.yaxis.set_major_locator(
+        FixedLocator([1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8]) if over else LogLocator(subs=(1, 2, 5))
+    )
     bar.ax.yaxis.set_minor_locator(NullLocator())
     bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     bar.ax.yaxis.set_minor_formatter(NullFormatter())

@@ -16,9 +16,20 @@ from sacha_core.evaluate.report.targets import Outcome
 from sacha_core.evaluate.report.text import DECIMALS, MISSING, difference, number
 from sacha_core.regions.scheme import PAPER
 
-__all__ = ["difference_grid", "equal_flip_grid", "glance_grid", "rate_grid", "region_rate_grid", "tally", "target_grid"]
+__all__ = [
+    "TARGETED",
+    "difference_grid",
+    "equal_flip_grid",
+    "glance_grid",
+    "rate_grid",
+    "region_rate_grid",
+    "tally",
+    "target_grid",
+]
 
 THOUSANDTH = 1e-3
+TARGETED = "sacha"
+CONTROLS = ("sacha-uniform", "sacha-inverted", "sacha-random")
 PAIRED = "Mean ± standard deviation of the differences by seed; in brackets how many of the pairs are above 0."
 
 
@@ -39,9 +50,15 @@ def target_grid(outcomes: Sequence[Outcome]) -> Grid:
     return Grid("Targets", note, header, rows)
 
 
-def glance_grid(outcomes: Sequence[Outcome]) -> Grid:
-    """Lay out the targets of all captures in a few lines: bytes by pair, and how many of FLIP's targets held."""
+def glance_grid(outcomes: Sequence[Outcome], rates: Sequence[Entry]) -> Grid:
+    """Lay out the targets of all captures in a few lines: bytes by pair, how many of FLIP's targets held, and what the controls say.
+
+    Args:
+        outcomes: of all targets.
+        rates: as `rate_entries` gives them, for the controls: the same method with other modulators.
+    """
     rows = []
+    controls = [name for name in CONTROLS if any(entry.against == name for entry in rates)]
     for dataset, setting in dict.fromkeys((one.measured.dataset, one.measured.setting) for one in outcomes):
         here = [one for one in outcomes if (one.measured.dataset, one.measured.setting) == (dataset, setting)]
         cells = []
@@ -49,13 +66,23 @@ def glance_grid(outcomes: Sequence[Outcome]) -> Grid:
             (bytes_needed,) = [o for o in here if o.measured.against == target.against and o.measured.unit == "%"]
             cells.append(f"{bytes_needed.verdict}\n{_measured(bytes_needed.measured)}")
         perceived = [one for one in here if one.measured.unit != "%"]
-        rows.append((f"{dataset}\nnovel {SHORT_SETTINGS[setting or '']}", *cells, tally(perceived)))
+        find = Index(rates, dataset)
+        cells += [tally(perceived)]
+        cells += [_rate(find(TARGETED, f"{BD_RATE} (psnr)", against=name, setting=setting)) for name in controls]
+        rows.append((f"{dataset}\nnovel {SHORT_SETTINGS[setting or '']}", *cells))
     header = (
         "capture",
         *(f"bytes against {t.against}: {t.fewer_percent:g} % fewer wanted" for t in BYTE_TARGETS),
         "all targets of FLIP",
+        *(f"control: bytes against {name}" for name in controls),
     )
-    return Grid("At a glance: sacha at equal PSNR", PAIRED, header, tuple(rows))
+    note = PAIRED
+    if controls:
+        note += (
+            " Controls are sacha itself with no modulators of regions (uniform), inverted or random ones: only where it needs fewer bytes "
+            "than these do the regions' modulators pay in PSNR."
+        )
+    return Grid("At a glance: sacha at equal PSNR", note, header, tuple(rows))
 
 
 def difference_grid(runs: Runs, entries: Sequence[Entry], baseline: str) -> Grid:

@@ -23,7 +23,7 @@ from sacha_core.evaluate.report.heat_figure import draw_heat_maps
 from sacha_core.evaluate.report.markdown import markdown_report
 from sacha_core.evaluate.report.own import own_entries
 from sacha_core.evaluate.report.page import html_report
-from sacha_core.evaluate.report.rates import dropped_points, rate_entries
+from sacha_core.evaluate.report.rates import RATES, dropped_points, rate_entries
 from sacha_core.evaluate.report.run_files import RunFiles
 from sacha_core.evaluate.report.runs import Runs
 from sacha_core.evaluate.report.step_figure import draw_steps
@@ -38,7 +38,6 @@ __all__ = ["ReportPaths", "write_report"]
 
 TITLE = "Where the Gaussians went, and what it bought"
 FIGURES = "figures"
-TARGETED = "sacha"
 PACKAGES = ("scipy", "matplotlib")
 NO_MODELS = "There are no heat maps: none of the runs' models was found."
 NO_FILES = "There are no pictures close by: none of the runs' coded avatars was found."
@@ -140,7 +139,7 @@ def findings(runs: Runs, baseline: str, subject: Subject | None, folder: Path | 
     compared = pairs(runs.variants, baseline)
     own, rates = own_entries(runs), rate_entries(runs, compared)
     differences = difference_entries(runs, compared, own)
-    outcomes = tuple(judge_targets(runs.dataset, rates)) if TARGETED in runs.variants else ()
+    outcomes = tuple(judge_targets(runs.dataset, rates)) if pair_grids.TARGETED in runs.variants else ()
     tables = (
         pair_grids.target_grid(outcomes),
         pair_grids.rate_grid(runs, [*differences, *rates]),
@@ -173,8 +172,14 @@ def content_of(found: Sequence[Findings], conditions: Mapping[str, str]) -> Cont
         for one in found
     )
     outcomes = [outcome for one in found for outcome in one.outcomes]
+    rates = [entry for one in found for entry in one.entries if entry.table == RATES]
     return Content(
-        TITLE, summary_of(outcomes), conditions, TERMS, sections, pair_grids.glance_grid(outcomes) if outcomes else None
+        TITLE,
+        summary_of(outcomes),
+        conditions,
+        TERMS,
+        sections,
+        pair_grids.glance_grid(outcomes, rates) if outcomes else None,
     )
 
 
