@@ -37,14 +37,15 @@ def calibrate(state: TrainState, options: TrainOptions, regions: Regions, seen: 
         visible_counts = np.bincount(of[visible], minlength=r)
     density, pruning = options.density, options.pruning
     learned = modulators(means[density.means])
-    modulator = controlled(learned, density.modulators, options.seed) / regions.factors(density.region_weights)
+    measured, weights = controlled(learned, density.modulators, options.seed), regions.factors(density.region_weights)
     if density.by_region:
         bounds = (density.threshold_lowest, density.threshold_highest)
-        state.thresholds = bounded(density.threshold, modulator, *bounds)
+        state.thresholds = bounded(density.threshold, measured, *bounds) / weights
     else:
         state.thresholds = np.full(r, density.threshold)
     if pruning.scope in {"regions", "weighted"}:
-        state.ratios = bounded(pruning.ratio, modulator, pruning.ratio_lowest, pruning.ratio_highest)
+        ratios = bounded(pruning.ratio, measured, pruning.ratio_lowest, pruning.ratio_highest) / weights
+        state.ratios = np.minimum(ratios, 1)
     elif pruning.scope == "none":
         state.ratios = np.zeros(r)
     region = {
@@ -61,7 +62,7 @@ def calibrate(state: TrainState, options: TrainOptions, regions: Regions, seen: 
         overall_plain=overall["plain"],
         overall_visible=overall["visible"],
         overall_weighted=overall["weighted"],
-        modulator=numbers(modulator),
+        modulator=numbers(measured / weights),
         threshold=numbers(state.thresholds),
         ratio=numbers(state.ratios),
         used=density.means,

@@ -27,7 +27,7 @@ class DensityOptions:
         threshold_in_warm_up: threshold of all regions until they are measured; None for `threshold`.
         means: which mean sensitivities make the modulators. `visible` and `weighted` cost an importance pass at each calibration.
         modulators: what becomes of the modulators learnt (see `controlled`); all but `learned` are controls.
-        region_weights: how much more some regions are worth than measured, by name: the modulator is divided by it, once.
+        region_weights: how much more some regions are worth than measured, by name: what the bounded modulator gives is divided by it.
         largest_clone: longest standard deviation that is cloned and not split, in scene extents.
         largest: longest standard deviation that is kept, in scene extents.
         lowest_opacity: that is kept.

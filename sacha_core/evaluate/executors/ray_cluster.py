@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import socket
 from collections.abc import Iterator, Sequence
@@ -54,7 +55,7 @@ class RayCluster:
         try:
             require_listener(self._address)
             on_end = signal.getsignal(signal.SIGTERM)  # which Ray replaces by an end without cleaning up
-            ray.init(address=self._address, log_to_driver=False, logging_level="ERROR")
+            ray.init(address=self._address, log_to_driver=False, logging_level=logging.ERROR)
             signal.signal(signal.SIGTERM, on_end)
         except (OSError, ValueError, RuntimeError) as error:
             raise OptionError(f"there is no Ray cluster at {self._address}: {' '.join(str(error).split())}") from error
