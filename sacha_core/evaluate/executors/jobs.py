@@ -5,7 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from sacha_core.errors import SachaError
 from sacha_core.progress import Report
@@ -43,6 +43,7 @@ class Outcome:
     trace: str = ""
 
 
+@runtime_checkable
 class Executor(Protocol):
     """Works jobs off, several at once where it can."""
 

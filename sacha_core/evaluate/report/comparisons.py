@@ -58,9 +58,9 @@ STEPS = (
     Step("sacha's modulators over random ones", "sacha", "sacha-random"),
 )
 BYTE_TARGETS = (
-    ByteTarget("sacha", "default", 45),
-    ByteTarget("sacha", "default-seen", 15),
-    ByteTarget("sacha", "rad-gp-pis", 8),
+    ByteTarget("sacha", "default", 45.0),
+    ByteTarget("sacha", "default-seen", 15.0),
+    ByteTarget("sacha", "rad-gp-pis", 8.0),
 )
 TARGET_REGIONS = ("mouth", "eyes")
 
