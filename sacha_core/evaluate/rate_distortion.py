@@ -48,7 +48,7 @@ class Interpolated:
     overlap: float = 1.0
 
 
-def rd_curve(points: Iterable[tuple[float, float]], lower_is_better: bool = False) -> Curve:
+def rd_curve(points: Iterable[tuple[float | int, float | int]], lower_is_better: bool = False) -> Curve:
     """Make a curve of measured points.
 
     A point that takes at least as many bytes as another one without being better is left out and listed as dropped: nobody would use it,

@@ -63,7 +63,8 @@ def gather(runs: Runs, variant: str, read: Callable[[RunResult], float | None]) 
 
 def _of_region(result: RunResult, region: str, field: str) -> float | None:
     part = result.regions.get(region)
-    return None if part is None else getattr(part, field)
+    found = None if part is None else getattr(part, field)
+    return None if found is None else float(found)
 
 
 def _of_picture(result: RunResult, level: int, setting: str, metric: str, region: str | None) -> float | None:

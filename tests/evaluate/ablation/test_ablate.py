@@ -66,8 +66,8 @@ def stages(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def timeless(result: RunResult) -> RunResult:
-    points = tuple(replace(point, encode_s=0, decode_s=0) for point in result.points)
-    return replace(result, training_seconds=0, points=points)
+    points = tuple(replace(point, encode_s=0.0, decode_s=0.0) for point in result.points)
+    return replace(result, training_seconds=0.0, points=points)
 
 
 def contents(folder: Path) -> dict[str, bytes]:

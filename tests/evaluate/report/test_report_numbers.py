@@ -58,7 +58,7 @@ def shifted(result: RunResult, variant: str, bytes_factor: float = 1, psnr: floa
 def large(variant: str, seed: int) -> RunResult:
     """Give a result of so many bytes that rounding them to whole ones does not show."""
     result = fabricated("one", variant, seed)
-    return shifted(result, variant, 1000)
+    return shifted(result, variant, 1000.0)
 
 
 def test_mean_and_spread_divide_by_one_less_than_the_seeds() -> None:
@@ -197,7 +197,7 @@ def test_a_variants_own_figures_are_what_its_results_say() -> None:
 def test_figures_are_set_as_text() -> None:
     entry = Entry("", "", "", "", "", Seeds({0: 1234.5, 1: 1235.5}))
     assert value(entry, 1) == "1,235.0 ± 0.7"
-    assert value(entry, 2, per=1000) == "1.24 ± 0.00" or value(entry, 2, per=1000) == "1.23 ± 0.00"
+    assert value(entry, 2, per=1000.0) == "1.24 ± 0.00" or value(entry, 2, per=1000.0) == "1.23 ± 0.00"
     assert value(None, 1) == "\N{EN DASH}"
     assert value(Entry("", "", "", "", "", Seeds({0: -0.001})), 2) == "0.00"
 
