@@ -71,6 +71,7 @@ def test_the_failure_of_another_thread_is_raised_too() -> None:
         Pool(2).run(task, JOBS)
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_while_waiting_is_raised_when_the_others_have_ended() -> None:
     both, ended = threading.Barrier(2, timeout=10), threading.Event()
 
@@ -140,15 +141,17 @@ def test_ranges_are_even_and_complete(total: int, jobs: int) -> None:
 
 
 @pytest.fixture
-def uncollected() -> Iterator[None]:
-    """Python drops an interrupt that comes while it finalises what others left behind."""
+def interruptible() -> Iterator[None]:
+    """Tests in the background of a shell ignore interrupts, and Python drops one while it finalises what others left behind."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.collect()
     gc.disable()
     yield
     gc.enable()
+    signal.signal(signal.SIGINT, before)
 
 
-@pytest.mark.usefixtures("uncollected")
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_at_any_moment_leaves_the_pool_whole() -> None:
     pool, armed, over = Pool(3), threading.Event(), threading.Event()
     interrupted = 0

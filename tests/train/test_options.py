@@ -21,6 +21,7 @@ from sacha_core.train.options import (
 def test_losses() -> None:
     assert asdict(LossOptions()) == {
         "l1": 0.8, "ssim": 0.2, "sensitivity": 0.01, "position": 0.01, "position_limit": 1, "scale": 1, "scale_limit": 0.6,
+        "mask": 0,
     }  # fmt: skip
 
 
