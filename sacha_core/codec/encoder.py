@@ -19,6 +19,7 @@ from sacha_core.codec.counts import encode_counts
 from sacha_core.codec.harmonics import encode_harmonics
 from sacha_core.codec.head import encode_head
 from sacha_core.codec.header import Header
+from sacha_core.codec.importance import GaussianImportance
 from sacha_core.codec.levels import Level, level_named
 from sacha_core.codec.motion import encode_motion
 from sacha_core.codec.opacity import encode_opacity, opacity_index, opacity_table
@@ -51,6 +52,7 @@ def encode(
     embed_head: bool = False,
     drop_invisible: bool = True,
     group_frames: int = GROUP_FRAMES,
+    importance: GaussianImportance | None = None,
 ) -> bytes:
     """Compress an avatar.
 
@@ -62,12 +64,13 @@ def encode(
         embed_head: add the head model itself to the file.
         drop_invisible: leave out Gaussians whose opacity is, or decodes to, less than 1/255, which no renderer draws.
         group_frames: frames in a group of the motion, at whose starts decoding can begin (1 to 65535).
+        importance: what every number is worth to pictures, as `sacha_core.rate` measures it; None to go by the rules of the level alone.
 
     Returns:
         The bytes of the file; the same avatar and options give the same bytes.
 
     Raises:
-        FormatError: the avatar is not finite, bound outside its head, or has values beyond what the format holds.
+        FormatError: the avatar or its importance is not finite, bound outside its head, or has values beyond what the format holds.
         HeadError: `head` is not the one that the avatar names, or is missing where it shall be embedded.
         OptionError: an option is out of range.
     """
@@ -77,13 +80,16 @@ def encode(
     check_head(avatar, head, embed_head)
     avatar.gaussians.validate(avatar.head.n_faces)
     gaussians = avatar.gaussians
+    if importance is not None:
+        importance.validate(len(gaussians), gaussians.sh_rest.shape[1])
     keep = np.ones(len(gaussians), bool)
     if drop_invisible:
         keep = visible(gaussians.opacity_logit, chosen.opacity_steps)
     check_range(gaussians, keep)
     gaussians = gaussians.select(keep)
+    importance = None if importance is None else importance.select(keep)
     template = template_of(head.v_template, head.faces) if head else unknown_template(avatar.head.n_faces)
-    sections = encode_gaussians(gaussians, template, chosen)
+    sections = encode_gaussians(gaussians, template, chosen, importance)
     made = (chosen.number, len(gaussians), gaussians.sh_degree, avatar.head, avatar.scheme)
     header = Header(*made, needs_head=head is not None)
     if avatar.motion is not None:
@@ -127,14 +133,19 @@ def check_range(gaussians: Gaussians, keep: Bool[np.ndarray, " n"]) -> None:
             raise FormatError(f"{name} of Gaussian {row} is {largest[row]:g}; the format holds up to {bound:g}")
 
 
-def encode_gaussians(gaussians: Gaussians, template: Template, level: Level) -> list[Section]:
+def encode_gaussians(
+    gaussians: Gaussians, template: Template, level: Level, importance: GaussianImportance | None = None
+) -> list[Section]:
     """Code all attributes, each after those that its steps follow."""
     index = opacity_index(gaussians.opacity_logit, level.opacity_steps)
+    if importance is not None:
+        importance = importance.with_axes(np.argsort(-gaussians.log_scale, axis=1, kind="stable"))
     log_scale, quaternion = sort_axes(gaussians.log_scale, gaussians.quaternion)
     log_scale = raise_thin_axes(log_scale, level.max_thinness)
     place = np.argsort(template.order)[gaussians.binding]
     order = np.lexsort((*gaussians.position.T, *log_scale.T[::-1], -index, place))
     gaussians, index, log_scale, quaternion = gaussians.select(order), index[order], log_scale[order], quaternion[order]
+    importance = None if importance is None else importance.select(order)
     layout = Layout(np.bincount(place, minlength=len(template.order)).astype(np.int64), template)
     transparency = opacity_table(level.opacity_steps).transparency[index]
 
