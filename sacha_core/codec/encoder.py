@@ -46,7 +46,7 @@ SCALE_FLOOR_AXES = (1, 2)
 
 def encode(
     avatar: Avatar,
-    level: int = 2,
+    level: int | Level = 2,
     *,
     head: HeadModel | None = None,
     embed_head: bool = False,
@@ -58,7 +58,7 @@ def encode(
 
     Args:
         avatar: what to compress; its sensitivity logits are not sent.
-        level: 1 (smallest) to 4 (best).
+        level: 1 (smallest) to 4 (best), or a `Level` of one's own (`levels.level_at`).
         head: the head model that it is bound to. With it, neighbours on the head predict each other and steps are meant in metres, which
             saves about a fifth; decoding then needs the head as well. Without it, decoding needs nothing.
         embed_head: add the head model itself to the file.
@@ -74,7 +74,7 @@ def encode(
         HeadError: `head` is not the one that the avatar names, or is missing where it shall be embedded.
         OptionError: an option is out of range.
     """
-    chosen = level_named(level)
+    chosen = level if isinstance(level, Level) else level_named(level)
     if not 1 <= group_frames <= 65535:
         raise OptionError(f"group_frames is {group_frames}, expected 1 to 65535")
     check_head(avatar, head, embed_head)
@@ -149,31 +149,34 @@ def encode_gaussians(
     layout = Layout(np.bincount(place, minlength=len(template.order)).astype(np.int64), template)
     transparency = opacity_table(level.opacity_steps).transparency[index]
 
-    def at(rule: StepRule) -> StepRule:
-        return replace(rule, base=rule.base + level.exponent)
-
-    scale_rules = (at(rules.SCALE_RULES[0]), at(rules.SCALE_RULES[1]), at(rules.SCALE_RULES[2]))
+    scale_rules = tuple(finer(rule, level.exponent("scale")) for rule in rules.SCALE_RULES)
     scale, scale_values = encode_scale(layout, log_scale, transparency, scale_rules)
     classes = classes_of(transparency, scale_values)
     reference = int(np.median(classes.size)) if len(index) else 0
 
-    def sized(rule: StepRule) -> StepRule:
-        return replace(at(rule), reference=min(max(reference, -128), 127))
+    def sized(rule: StepRule, attribute: str) -> StepRule:
+        return replace(finer(rule, level.exponent(attribute)), reference=min(max(reference, -128), 127))
 
-    colour_rules = tuple(sized(rule) for rule in rules.COLOUR_RULES)
-    harmonic_rules = tuple(sized(rule) for rule in rules.HARMONIC_RULES)
+    rotation_rule, position_rule = sized(rules.ROTATION_RULE, "rotation"), sized(rules.POSITION_RULE, "position")
+    colour_rules = tuple(sized(rule, "colour") for rule in rules.COLOUR_RULES)
+    harmonic_rules = tuple(sized(rule, "harmonic") for rule in rules.HARMONIC_RULES)
     sections = [
         Section("Counts", encode_counts(layout.counts, template.order)),
         Section("Opacity", encode_opacity(layout, index, level.opacity_steps)),
         Section("Scale", scale),
-        Section("Rotation", encode_rotation(layout, quaternion, classes, sized(rules.ROTATION_RULE))[0]),
-        Section("Position", encode_position(layout, gaussians.position, classes, sized(rules.POSITION_RULE))[0]),
+        Section("Rotation", encode_rotation(layout, quaternion, classes, rotation_rule)[0]),
+        Section("Position", encode_position(layout, gaussians.position, classes, position_rule)[0]),
         Section("Colour", encode_colour(layout, gaussians.sh_dc, classes, colour_rules)[0]),
     ]
     if gaussians.sh_degree:
         coded = encode_harmonics(gaussians.sh_rest, classes, harmonic_rules, rules.HARMONIC_DEAD_ZONE)[0]
         sections.append(Section("Harmonic", coded))
     return sections
+
+
+def finer(rule: StepRule, exponent: int) -> StepRule:
+    """Give a rule with so many eighths of an octave added to its base."""
+    return replace(rule, base=rule.base + exponent)
 
 
 def raise_thin_axes(log_scale: Float[np.ndarray, "n 3"], max_thinness: float) -> Float[np.ndarray, "n 3"]:

@@ -41,10 +41,10 @@ def activity_of(spent: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
 
 
 def band_contexts(
-    band: int, shift: Int[np.ndarray, " n"], spent: Int[np.ndarray, "n 2"], width: int
+    band: int, step_class: Int[np.ndarray, " n"], spent: Int[np.ndarray, "n 2"], width: int
 ) -> Int[np.ndarray, "n k 3"]:
     """Context of every coefficient of one degree: degree, channel, step, activity of the channel."""
-    step = np.clip(shift >> 1, 0, SPREAD - 1)
+    step = np.minimum(step_class, SPREAD - 1)
     luma = ((band * CHANNELS + 0) * SPREAD + step) * ACTIVITY + activity_of(spent[:, 0])
     differences = ((band * CHANNELS + 1) * SPREAD + step) * ACTIVITY + activity_of(spent[:, 1])
     return np.repeat(np.stack([luma, differences, differences], axis=1)[:, None], width, axis=1)
@@ -70,8 +70,7 @@ def encode_harmonics(
     for band, (start, end) in enumerate(BANDS[:bands]):
         steps = band_steps(used, band, classes)
         levels = quantise(values[:, start:end], steps, dead_zone)
-        shift = used[band].shift(classes) - used[band].low
-        writer.write(levels, band_contexts(band, shift, spent, end - start))
+        writer.write(levels, band_contexts(band, used[band].step_class(classes), spent, end - start))
         decoded[:, start:end] = levels * steps
         spent = spend(spent, levels)
     return b"".join(rule.pack() for rule in used) + writer.finish(), decoded
@@ -89,8 +88,7 @@ def decode_harmonics(reader: ByteReader, n: int, n_harmonics: int, classes: Clas
     decoded = np.zeros((n, n_harmonics, 3), np.int64)
     spent = np.zeros((n, 2), np.int64)
     for band, (start, end) in enumerate(BANDS[:bands]):
-        shift = rules[band].shift(classes) - rules[band].low
-        levels = symbols.read(band_contexts(band, shift, spent, end - start))
+        levels = symbols.read(band_contexts(band, rules[band].step_class(classes), spent, end - start))
         decoded[:, start:end] = levels * band_steps(rules, band, classes)
         spent = spend(spent, levels)
     symbols.check_end()

@@ -12,7 +12,7 @@ from sacha_core.codec.order import Layout
 from sacha_core.codec.predicted import decode_predicted, encode_predicted
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.scale import plan_of
-from sacha_core.codec.steps import MAX_EXPONENT, STEPS, Classes, StepRule, dequantise
+from sacha_core.codec.steps import MAX_EXPONENT, PER_OCTAVE, STEPS, Classes, StepRule, dequantise
 
 __all__ = ["decode_position", "encode_position"]
 
@@ -22,7 +22,7 @@ DOMAIN_TRIANGLE = 0  # the only domain of version 1; others are to come
 
 def position_steps(layout: Layout, classes: Classes, rule: StepRule) -> Int[np.ndarray, "n 1"]:
     """Steps in triangle units that are alike in metres."""
-    exponent = rule.base + rule.shift(classes) - layout.triangle_size
+    exponent = rule.base + rule.shift(classes) - layout.triangle_size * (PER_OCTAVE // 2)  # sizes are half octaves
     return np.asarray(STEPS[np.clip(exponent, 0, MAX_EXPONENT)])[:, None]
 
 

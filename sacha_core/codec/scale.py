@@ -28,7 +28,7 @@ NATURAL = 363409  # a half octave, ln 2 / 2, in 256ths of `UNIT`
 
 def plan_of(rule: StepRule, classes: Classes, n_components: int) -> ContextPlan:
     """Contexts by how coarse the step of a Gaussian is, in octaves."""
-    return ContextPlan(n_components, (rule.shift(classes) - rule.low) >> 1, ((rule.high - rule.low) >> 1) + 1)
+    return ContextPlan(n_components, rule.step_class(classes), rule.n_step_classes)
 
 
 def transparency_only(transparency: Int[np.ndarray, " n"]) -> Classes:
@@ -53,7 +53,7 @@ def encode_scale(
     layout: Layout,
     log_scale: Float[np.ndarray, "n 3"],
     transparency: Int[np.ndarray, " n"],
-    rules: tuple[StepRule, StepRule, StepRule],
+    rules: tuple[StepRule, ...],
 ) -> tuple[bytes, Int[np.ndarray, "n 3"]]:
     """Code log-scales, sorted largest first, over the size of the middle triangle rather than their own.
 

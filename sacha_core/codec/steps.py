@@ -1,8 +1,8 @@
 r"""Quantiser steps, and how they follow what a Gaussian contributes to a picture.
 
-All values are integers in a fine unit. Steps are $\lfloor\sqrt{2^e}\rfloor$ units for an exponent e, half an octave apart. A rule gives the
-exponent of each Gaussian from three *classes* that the decoder knows by then, all in half octaves: how transparent it is, how small, how
-elongated. Everything is integer arithmetic, so that both sides agree on every machine.
+All values are integers in a fine unit. Steps are $\lfloor 2^{e/8}\rfloor$ units for an exponent e, an eighth of an octave apart. A rule
+gives the exponent of each Gaussian from three *classes* that the decoder knows by then, all in half octaves: how transparent it is,
+how small, how elongated. Everything is integer arithmetic, so that both sides agree on every machine.
 
 Source: own; an error in an attribute shows in proportion to opacity and to the root of the area.
 """
@@ -18,10 +18,11 @@ from jaxtyping import Float, Int
 
 from sacha_core.codec.reading import ByteReader
 
-__all__ = ["MAX_EXPONENT", "STEPS", "Classes", "StepRule", "dequantise", "quantise"]
+__all__ = ["MAX_EXPONENT", "PER_OCTAVE", "STEPS", "Classes", "StepRule", "dequantise", "quantise"]
 
-MAX_EXPONENT = 47
-STEPS = np.array([math.isqrt(1 << exponent) for exponent in range(MAX_EXPONENT + 1)], np.int64)
+PER_OCTAVE = 8
+MAX_EXPONENT = 24 * PER_OCTAVE - 1
+STEPS = np.array([math.isqrt(math.isqrt(math.isqrt(1 << e))) for e in range(MAX_EXPONENT + 1)], np.int64)
 LAYOUT = "5bBB"
 
 
@@ -45,11 +46,11 @@ class StepRule:
     """How steps follow from classes.
 
     Args:
-        transparency: weight of that class, in quarters.
+        transparency: weight of that class, in quarters, which makes eighths of an octave of half octaves.
         size: weight of (reference - size class), in quarters: small Gaussians get coarse steps.
         elongation: weight of minus that class, in quarters: long Gaussians get fine steps.
         reference: size class at which size adds nothing.
-        low: the least that the classes may add to the exponent.
+        low: the least that the classes may add to the exponent, eighths of an octave.
         high: the most that they may add.
         base: exponent of a Gaussian to which the classes add nothing.
     """
@@ -65,8 +66,16 @@ class StepRule:
     def shift(self, classes: Classes) -> Int[np.ndarray, " n"]:
         """What the classes add to the exponent of each Gaussian."""
         total = self.transparency * classes.transparency + self.size * (self.reference - classes.size)
-        quarters = total - self.elongation * classes.elongation
-        return np.asarray(np.clip(quarters >> 2, self.low, self.high))
+        return np.asarray(np.clip(total - self.elongation * classes.elongation, self.low, self.high))
+
+    @property
+    def n_step_classes(self) -> int:
+        """How many octaves of steps there are."""
+        return (self.high - self.low) // PER_OCTAVE + 1
+
+    def step_class(self, classes: Classes) -> Int[np.ndarray, " n"]:
+        """Octave of each Gaussian's step, from 0."""
+        return np.asarray((self.shift(classes) - self.low) // PER_OCTAVE)
 
     def steps(self, classes: Classes) -> Int[np.ndarray, " n"]:
         """Step of each Gaussian, in fine units."""
@@ -85,7 +94,9 @@ class StepRule:
         """
         rule = cls(*reader.unpack(LAYOUT))
         if not (rule.low <= rule.high and rule.base + rule.low >= 0 and rule.base + rule.high <= MAX_EXPONENT):
-            raise reader.error(f"steps reach from {rule.base + rule.low} to {rule.base + rule.high}, table is 0 to 47")
+            raise reader.error(
+                f"steps reach from {rule.base + rule.low} to {rule.base + rule.high}, table is 0 to {MAX_EXPONENT}"
+            )
         return rule
 
 

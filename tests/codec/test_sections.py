@@ -21,7 +21,7 @@ from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.rotation import decode_rotation, encode_rotation, rotation_vector, sort_axes
 from sacha_core.codec.scale import classes_of, decode_scale, encode_scale
 from sacha_core.codec.static import decode_static, encode_static
-from sacha_core.codec.steps import STEPS, Classes, StepRule, quantise
+from sacha_core.codec.steps import MAX_EXPONENT, STEPS, Classes, StepRule, quantise
 from sacha_core.codec.template import Template
 from sacha_core.errors import FormatError
 
@@ -118,7 +118,7 @@ def test_position(counts, spread, seed):
     data, expected = encode_position(layout, position, classes, POSITION_RULE)
     decoded = decode_position(reader(data), layout, classes)
     assert np.array_equal(decoded, (expected * 2.0**-16).astype(np.float32))
-    exponent = np.clip(POSITION_RULE.base + POSITION_RULE.shift(classes) - layout.triangle_size, 0, 47)
+    exponent = np.clip(POSITION_RULE.base + POSITION_RULE.shift(classes) - 4 * layout.triangle_size, 0, MAX_EXPONENT)
     bound = (STEPS[exponent] / 2 + 1) * 2.0**-16
     assert (np.abs(decoded - position) <= bound[:, None] + FLOAT32_ROUNDING * np.abs(position)).all()
 
@@ -190,7 +190,7 @@ def test_static(n_shape, n_offsets, seed):
     assert np.abs(offset_back - offset).max(initial=0) <= 5e-5 * (1 + FLOAT32_ROUNDING) + FLOAT32_ROUNDING
 
 
-@given(st.integers(-(10**9), 10**9), st.integers(0, 30), st.floats(0, 0.4))
+@given(st.integers(-(10**9), 10**9), st.integers(0, 120), st.floats(0, 0.4))
 def test_quantise_takes_the_nearest_level_but_for_the_dead_zone(residual, exponent, dead_zone):
     step = int(STEPS[exponent])
     level = int(quantise(np.array([[residual]]), np.array([[step]]), dead_zone)[0, 0])
@@ -208,7 +208,7 @@ def test_half_octaves_of_size():
 
 
 @pytest.mark.parametrize(
-    "bad", [StepRule(0, 0, 0, 0, -1, 0, 0), StepRule(0, 0, 0, 0, 0, 1, 47), StepRule(0, 0, 0, 0, 2, 1, 5)]
+    "bad", [StepRule(0, 0, 0, 0, -1, 0, 0), StepRule(0, 0, 0, 0, 0, 1, MAX_EXPONENT), StepRule(0, 0, 0, 0, 2, 1, 5)]
 )
 def test_rules_outside_the_table_are_refused(bad):
     with pytest.raises(FormatError, match="steps reach"):
