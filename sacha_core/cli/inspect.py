@@ -110,7 +110,7 @@ def describe(file: Path, found: Inspection) -> str:
     if found.n_frames:
         sums += f" ({found.dynamic_bytes_per_frame:.1f} bytes a frame)"
     lines = [
-        f"{file}: format {found.version[0]}.{found.version[1]}, level {found.level}, {kilobytes(found.total_bytes)}",
+        f"{file}: format {found.version[0]}.{found.version[1]}, {_grade(found)}, {kilobytes(found.total_bytes)}",
         f"gaussians    {found.n_gaussians:,}, spherical harmonics of degree {found.sh_degree}, region scheme {found.scheme!r}",
         f"motion       {motion}",
         f"head         {found.head.name}: {found.head.n_vertices} vertices, {found.head.n_faces} triangles, "
@@ -120,6 +120,13 @@ def describe(file: Path, found: Inspection) -> str:
         table(("section", "bytes", "share", "each", ""), rows, words=(0, 4)),
     ]
     return "\n".join(lines)
+
+
+def _grade(found: Inspection) -> str:
+    """Say how finely a file is coded."""
+    if found.profile == "archive":
+        return "archive: every bit"
+    return f"level {found.level:g}" + (", the paper's profile" if found.profile == "paper" else "")
 
 
 def _density(name: str, n_bytes: int, found: Inspection) -> str:

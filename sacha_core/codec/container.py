@@ -18,7 +18,7 @@ from sacha_core.errors import FormatError
 __all__ = ["MAGIC", "MAJOR", "MINOR", "Section", "pack_sections", "parse_sections"]
 
 MAGIC = b"SACHA\r\n\x1a"  # as PNG: the line end and the end-of-file byte catch transfers as text
-MAJOR = 1
+MAJOR = 2  # 1.x was never released
 MINOR = 0
 PREFIX = (
     "8sHHIQI"  # magic, major, minor, number of sections, bytes of the file, CRC-32 of all this (as 0) and the table

@@ -11,14 +11,17 @@ from dataclasses import dataclass
 from sacha_core.codec.reading import ByteReader, pack_text
 from sacha_core.flame.model import HeadReference
 
-__all__ = ["Header"]
+__all__ = ["ARCHIVE", "LOSSY", "PAPER", "PROFILES", "Header"]
 
-LAYOUT = "BBBBIIIIIII"  # profile, level, SH degree, flags, then seven counts as in Header
-PROFILE_LOSSY = 0
+LAYOUT = "BHBBIIIIIII"  # profile, level in hundredths, SH degree, flags, then seven counts as in Header
+LOSSY, ARCHIVE, PAPER = 0, 1, 2  # profiles
+PROFILES = ("lossy", "archive", "paper")
+HUNDREDTHS = 100
+MAX_LEVEL = 1000  # hundredths
 # what a file may decode to is bounded by its size, so that a few bytes cannot ask for hours or gigabytes
 FREE_ATTRIBUTES, ATTRIBUTES_PER_BYTE = 1 << 16, 64
 FREE_ADAPTIVE, ADAPTIVE_PER_BYTE = 1 << 15, 4
-HAS_MOTION, NEEDS_HEAD = 1, 2  # flags
+HAS_MOTION, NEEDS_HEAD, HAS_SENSITIVITY = 1, 2, 4  # flags
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,7 @@ class Header:
     """What the file holds.
 
     Args:
-        level: 1 to 4: what the encoder was asked for; the decoder does not need it.
+        level: 1 (smallest) to 4 (best) and between: what the encoder chose; 0 in an archive. The decoder does not need it.
         n_gaussians: Gaussians in the file.
         sh_degree: 0 to 3.
         head: the head model that they are bound to.
@@ -37,9 +40,11 @@ class Header:
         n_offsets: vertices with a personal offset, 0 or as many as the head has.
         has_motion: whether there is a motion.
         needs_head: whether decoding needs the head model, for the order and sizes of its triangles.
+        profile: `LOSSY`, `ARCHIVE` or `PAPER`: how everything is coded.
+        has_sensitivity: whether the Gaussians have sensitivity logits; only in an archive.
     """
 
-    level: int
+    level: float
     n_gaussians: int
     sh_degree: int
     head: HeadReference
@@ -50,6 +55,8 @@ class Header:
     n_offsets: int = 0
     has_motion: bool = False
     needs_head: bool = False
+    profile: int = LOSSY
+    has_sensitivity: bool = False
 
     @property
     def n_harmonics(self) -> int:
@@ -77,10 +84,10 @@ class Header:
         """Write the section."""
         fixed = struct.pack(
             "<" + LAYOUT,
-            PROFILE_LOSSY,
-            self.level,
+            self.profile,
+            round(self.level * HUNDREDTHS),
             self.sh_degree,
-            HAS_MOTION * self.has_motion | NEEDS_HEAD * self.needs_head,
+            HAS_MOTION * self.has_motion | NEEDS_HEAD * self.needs_head | HAS_SENSITIVITY * self.has_sensitivity,
             self.n_gaussians,
             self.head.n_vertices,
             self.head.n_faces,
@@ -107,17 +114,22 @@ class Header:
         name, scheme = reader.text(), reader.text()
         n_gaussians, n_vertices, n_faces, n_frames, n_expression, n_shape, n_offsets = counts
         reader.check_end()
-        if profile != PROFILE_LOSSY or not 1 <= level <= 4:
-            raise reader.error(f"profile {profile} at level {level}; this decoder knows profile 0, levels 1 to 4")
+        if profile >= len(PROFILES) or level > MAX_LEVEL:
+            raise reader.error(
+                f"profile {profile} at level {level / HUNDREDTHS:g}; this decoder knows profiles 0 to {len(PROFILES) - 1}, "
+                f"levels up to {MAX_LEVEL // HUNDREDTHS}"
+            )
         if sh_degree > 3:
             raise reader.error(f"spherical harmonics of degree {sh_degree}, at most 3")
-        if flags > (HAS_MOTION | NEEDS_HEAD) or (not flags & HAS_MOTION and any(counts[3:])):
+        allowed = (HAS_MOTION | NEEDS_HEAD, HAS_MOTION | HAS_SENSITIVITY, HAS_MOTION)[profile]
+        if flags & ~allowed or (not flags & HAS_MOTION and any(counts[3:])):
             raise reader.error(f"flags {flags} with {n_frames} frames, {n_shape} shape and {n_offsets} offset rows")
         if n_offsets not in (0, n_vertices):
             raise reader.error(f"{n_offsets} vertex offsets for a head of {n_vertices} vertices")
         head = HeadReference(name, digest, n_vertices, n_faces)
         motion = (n_frames, n_expression, n_shape, n_offsets, bool(flags & HAS_MOTION))
-        header = cls(level, n_gaussians, sh_degree, head, scheme, *motion, bool(flags & NEEDS_HEAD))
+        told = (bool(flags & NEEDS_HEAD), profile, bool(flags & HAS_SENSITIVITY))
+        header = cls(level / HUNDREDTHS, n_gaussians, sh_degree, head, scheme, *motion, *told)
         if header.missing_bytes(file_bytes) > 0:
             raise reader.error(
                 f"{n_gaussians} Gaussians, {n_faces} triangles and {n_frames} frames claimed, more than {file_bytes} bytes may hold"

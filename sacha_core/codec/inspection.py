@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sacha_core.codec.decoder import Source, read_header, read_source, sections_of
+from sacha_core.codec.header import PROFILES
 from sacha_core.codec.motion import read_motion_head
 from sacha_core.flame.model import HeadReference
 
@@ -38,8 +39,8 @@ class Inspection:
 
     Args:
         version: of the format, (major, minor).
-        level: 1 (smallest) to 4 (best).
-        profile: name of the coding profile.
+        level: 1 (smallest) to 4 (best), and between; 0 in an archive.
+        profile: name of the coding profile: "lossy", "archive" or "paper".
         head: the head model that the avatar is bound to.
         needs_head: whether decoding needs that head model.
         scheme: name of the region scheme.
@@ -56,7 +57,7 @@ class Inspection:
     """
 
     version: tuple[int, int]
-    level: int
+    level: float
     profile: str
     head: HeadReference
     needs_head: bool
@@ -101,7 +102,7 @@ def inspect(source: Source) -> Inspection:
     return Inspection(
         version=version,
         level=header.level,
-        profile="lossy",
+        profile=PROFILES[header.profile],
         head=header.head,
         needs_head=header.needs_head,
         scheme=header.scheme,

