@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.codec.colour import UNIT, Rules, rgb_to_yuv, yuv_to_rgb
-from sacha_core.codec.predicted import LIMIT
+from sacha_core.codec.prediction import LIMIT
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import Classes, StepRule, quantise
 from sacha_core.codec.symbols import SymbolReader, SymbolWriter

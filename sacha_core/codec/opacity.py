@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 from jaxtyping import Float, Int
 
-from sacha_core.codec.order import KINDS, MATES, Layout, Pass
+from sacha_core.codec.order import KINDS, MATES, Layout, Pass, weighted_mean
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.symbols import SymbolReader, SymbolWriter
 
@@ -79,9 +79,7 @@ def opacity_index(logit: Float[np.ndarray, " n"], n_steps: int) -> Int[np.ndarra
 
 def expected_first(step: Pass, index: Int[np.ndarray, " n"], start: int) -> Int[np.ndarray, " p"]:
     """Opacity index that a first Gaussian is predicted to have."""
-    if step.rows[0] == step.left[0]:
-        return np.array([start])
-    return np.asarray((index[step.left] + index[step.right] + 1) >> 1)
+    return np.where(step.trust.any(axis=1), weighted_mean(index, step.near, step.trust), start)
 
 
 def contexts_of(step: Pass, expected: Int[np.ndarray, " p"], n_steps: int) -> Int[np.ndarray, " p"]:
@@ -89,9 +87,9 @@ def contexts_of(step: Pass, expected: Int[np.ndarray, " p"], n_steps: int) -> In
     return np.asarray(step.kind * CLASSES + np.minimum(expected * CLASSES // n_steps, CLASSES - 1))
 
 
-def known_mate(step: Pass, layout: Layout, index: Int[np.ndarray, " n"]) -> Int[np.ndarray, " p"]:
+def known_mate(step: Pass, index: Int[np.ndarray, " n"]) -> Int[np.ndarray, " p"]:
     """Opacity index of the last mate known before the pass."""
-    return np.asarray(index[layout.firsts[step.slot] + step.rank.min() - 1])
+    return np.asarray(index[step.mates[:, 0]])
 
 
 def run_starts(step: Pass) -> Int[np.ndarray, " p"]:
@@ -106,7 +104,7 @@ def encode_opacity(layout: Layout, index: Int[np.ndarray, " n"], n_steps: int) -
     writer = SymbolWriter(KINDS * CLASSES)
     for step in layout.passes:
         if step.kind == MATES:
-            known = known_mate(step, layout, index)
+            known = known_mate(step, index)
             writer.write(index[step.rows - 1] - index[step.rows], contexts_of(step, known, n_steps))
         else:
             expected = expected_first(step, index, start)
@@ -127,7 +125,7 @@ def decode_opacity(reader: ByteReader, layout: Layout) -> tuple[Int[np.ndarray, 
     symbols = SymbolReader(reader, KINDS * CLASSES)
     for step in layout.passes:
         if step.kind == MATES:
-            known = known_mate(step, layout, index)
+            known = known_mate(step, index)
             fall = np.cumsum(symbols.read(contexts_of(step, known, n_steps)))
             begin = run_starts(step)
             index[step.rows] = known - (fall - np.where(begin > 0, fall[begin - 1], 0))

@@ -13,8 +13,9 @@ import struct
 import numpy as np
 from jaxtyping import Float, Int
 
+from sacha_core.codec.contexts import ContextPlan
 from sacha_core.codec.order import Layout
-from sacha_core.codec.predicted import ContextPlan, decode_predicted, encode_predicted
+from sacha_core.codec.predicted import decode_predicted, encode_predicted
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import Classes, StepRule, dequantise
 

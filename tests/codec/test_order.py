@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+from math import floor
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sacha_core.codec.order import MATES, Layout, mean_of_mates
+from sacha_core.codec.order import FULL_TRUST, MATES, Layout, weighted_mean
 from sacha_core.codec.template import CURVE_BITS, curve_index, template_of, unknown_template
 
 counts_lists = st.lists(st.integers(0, 5) | st.sampled_from([0, 0, 17, 40]), max_size=40)
@@ -19,12 +22,13 @@ def test_every_gaussian_is_coded_once_after_what_predicts_it(counts):
     for number, step in enumerate(layout.passes):
         assert not known[step.rows].any()
         assert (np.diff(step.rows) > 0).all()
-        if step.kind == MATES:
-            low = step.rank.min()
-            assert all(known[layout.firsts[slot] : layout.firsts[slot] + low].all() for slot in step.slot)
-        elif number > 0:
-            assert known[step.left].all()
-            assert known[step.right].all()
+        for rows, trust in ((step.near, step.trust), (step.mates, step.mate_trust)):
+            assert known[rows[trust > 0]].all()
+            assert (trust >= 0).all()
+            assert np.isin(trust.sum(axis=1), [0, FULL_TRUST]).all()
+        assert (layout.slots[step.mates] == step.slot[:, None])[step.mate_trust > 0].all()
+        assert (step.mate_trust.any(axis=1) == (step.kind == MATES)).all()
+        assert (step.trust.any(axis=1) == (number > 0)).all()
         known[step.rows] = True
     assert known.all()
 
@@ -34,10 +38,12 @@ def test_passes_grow_with_the_logarithm_of_the_counts():
     assert len(layout.passes) < 40
 
 
-@given(st.lists(st.integers(-1000, 1000), min_size=1, max_size=9))
-def test_mean_of_mates_rounds_halves_up(values):
-    expected = int(np.floor(np.mean(values) + 0.5))
-    assert mean_of_mates(np.array([[sum(values)]]), np.array([len(values)]))[0, 0] == expected
+@given(st.lists(st.integers(-(2**40), 2**40), min_size=2, max_size=2), st.integers(0, FULL_TRUST))
+def test_weighted_mean_rounds_halves_up(values, trust):
+    """Oracle: exact fractions."""
+    exact = Fraction(values[0] * trust + values[1] * (FULL_TRUST - trust), FULL_TRUST)
+    mean = weighted_mean(np.array(values), np.array([[0, 1]]), np.array([[trust, FULL_TRUST - trust]]))
+    assert mean[0] == floor(exact + Fraction(1, 2))
 
 
 def test_consecutive_cells_of_the_curve_touch():
