@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
+from sacha_core.codec.choice import PLAIN, Worth
 from sacha_core.codec.order import Layout
 from sacha_core.codec.predicted import decode_predicted, encode_predicted
 from sacha_core.codec.reading import ByteReader
-from sacha_core.codec.scale import plan_of
 from sacha_core.codec.steps import Classes, StepRule
 
 __all__ = ["UNIT", "decode_colour", "encode_colour", "rgb_to_yuv", "yuv_to_rgb"]
@@ -42,12 +42,11 @@ def component_steps(rules: Rules, classes: Classes) -> Int[np.ndarray, "n 3"]:
 
 
 def encode_colour(
-    layout: Layout, sh_dc: Float[np.ndarray, "n 3"], classes: Classes, rules: Rules
+    layout: Layout, sh_dc: Float[np.ndarray, "n 3"], classes: Classes, rules: Rules, worth: Worth = PLAIN
 ) -> tuple[bytes, Int[np.ndarray, "n 3"]]:
     """Code colours; give the section and the decoder's integers."""
     values = np.rint(rgb_to_yuv(sh_dc) / UNIT).astype(np.int64)
-    plan = plan_of(rules[0], classes, 3)
-    coded, decoded = encode_predicted(layout, values, component_steps(rules, classes), plan)
+    coded, decoded = encode_predicted(layout, values, component_steps(rules, classes), worth)
     return b"".join(rule.pack() for rule in rules) + coded, decoded
 
 
@@ -58,5 +57,4 @@ def decode_colour(reader: ByteReader, layout: Layout, classes: Classes) -> Float
         FormatError: the bytes are not what an encoder writes.
     """
     rules = tuple(StepRule.unpack(reader) for _ in range(3))
-    plan = plan_of(rules[0], classes, 3)
-    return yuv_to_rgb(decode_predicted(reader, layout, component_steps(rules, classes), plan))
+    return yuv_to_rgb(decode_predicted(reader, layout, component_steps(rules, classes), 3))

@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
+from sacha_core.codec.choice import PLAIN, Worth
 from sacha_core.codec.order import Layout
 from sacha_core.codec.predicted import decode_predicted, encode_predicted
 from sacha_core.codec.reading import ByteReader
-from sacha_core.codec.scale import plan_of
 from sacha_core.codec.steps import MAX_EXPONENT, PER_OCTAVE, STEPS, Classes, StepRule, dequantise
 
 __all__ = ["decode_position", "encode_position"]
@@ -27,11 +27,11 @@ def position_steps(layout: Layout, classes: Classes, rule: StepRule) -> Int[np.n
 
 
 def encode_position(
-    layout: Layout, position: Float[np.ndarray, "n 3"], classes: Classes, rule: StepRule
+    layout: Layout, position: Float[np.ndarray, "n 3"], classes: Classes, rule: StepRule, worth: Worth = PLAIN
 ) -> tuple[bytes, Int[np.ndarray, "n 3"]]:
     """Code positions; give the section and the decoder's integers."""
     values = np.rint(position.astype(np.float64) / UNIT).astype(np.int64)
-    coded, decoded = encode_predicted(layout, values, position_steps(layout, classes, rule), plan_of(rule, classes, 3))
+    coded, decoded = encode_predicted(layout, values, position_steps(layout, classes, rule), worth)
     return bytes([DOMAIN_TRIANGLE]) + rule.pack() + coded, decoded
 
 
@@ -45,6 +45,4 @@ def decode_position(reader: ByteReader, layout: Layout, classes: Classes) -> Flo
     if domain != DOMAIN_TRIANGLE:
         raise reader.error(f"positions in domain {domain}; this decoder knows 0, the triangle's frame")
     rule = StepRule.unpack(reader)
-    return dequantise(
-        decode_predicted(reader, layout, position_steps(layout, classes, rule), plan_of(rule, classes, 3)), UNIT
-    )
+    return dequantise(decode_predicted(reader, layout, position_steps(layout, classes, rule), 3), UNIT)

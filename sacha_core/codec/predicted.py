@@ -1,7 +1,7 @@
 """Attributes coded pass by pass: each value predicted from those already decoded, the difference quantised and entropy coded.
 
 Encoder and decoder run the same prediction on the same reconstructed integers, so that errors never add up. How values are predicted
-(`prediction`), under which contexts levels are coded (`contexts`) and which level a residual gets (`choice`) is plugged in.
+(`prediction`), under which contexts levels are coded (`contexts`) and which level a difference gets (`choice`) is plugged in.
 
 Source: own.
 """
@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int
 
-from sacha_core.codec.choice import Nearest
-from sacha_core.codec.contexts import ContextPlan
+from sacha_core.codec.choice import PLAIN, Chooser, Worth
+from sacha_core.codec.contexts import SIZE_CLASSES, ContextPlan, Sizes
+from sacha_core.codec.fitting import fit_plan
 from sacha_core.codec.order import Layout
 from sacha_core.codec.prediction import LIMIT, Mixture, fit_mixture
 from sacha_core.codec.reading import ByteReader
@@ -20,15 +21,9 @@ from sacha_core.codec.symbols import SymbolReader, SymbolWriter
 
 __all__ = ["decode_predicted", "encode_predicted"]
 
-NEAREST = Nearest()
-
 
 def encode_predicted(
-    layout: Layout,
-    values: Int[np.ndarray, "n c"],
-    steps: Int[np.ndarray, "n w"],
-    plan: ContextPlan,
-    chooser: Nearest = NEAREST,
+    layout: Layout, values: Int[np.ndarray, "n c"], steps: Int[np.ndarray, "n w"], worth: Worth = PLAIN
 ) -> tuple[bytes, Int[np.ndarray, "n c"]]:
     """Code integers of fine units.
 
@@ -36,46 +31,86 @@ def encode_predicted(
         layout: where the Gaussians lie.
         values: in fine units.
         steps: of each Gaussian, one for all components or one each.
-        plan: contexts.
-        chooser: which level each residual gets.
+        worth: of errors and bits.
 
     Returns:
         The bytes, and the values as the decoder will have them.
     """
     steps = np.broadcast_to(steps, values.shape)
     predictor = fit_mixture(layout, values)
-    writer = SymbolWriter(plan.n_contexts)
+    levels, decoded = choose_levels(layout, values, steps, predictor, None, Chooser())
+    plan = fit_plan(layout, levels, steps)
+    if worth.lagrangian > 0:
+        bits = write_levels(layout, levels, steps, plan).level_bits()
+        levels, decoded = choose_levels(layout, values, steps, predictor, plan, Chooser(worth, bits))
+        plan = fit_plan(layout, levels, steps)
+    return predictor.pack() + plan.pack() + write_levels(layout, levels, steps, plan).finish(), decoded
+
+
+def choose_levels(
+    layout: Layout,
+    values: Int[np.ndarray, "n c"],
+    steps: Int[np.ndarray, "n c"],
+    predictor: Mixture,
+    plan: ContextPlan | None,
+    chooser: Chooser,
+) -> tuple[Int[np.ndarray, "n c"], Int[np.ndarray, "n c"]]:
+    """Run prediction and quantisation; give the levels and the values as decoded. Without a plan all contexts are 0."""
+    sizes = Sizes(steps)
     decoded, levels = np.zeros(values.shape, np.int64), np.zeros(values.shape, np.int64)
     for step in layout.passes:
         rows = step.rows
         expected = predictor.predict(step, decoded)
+        if plan:
+            sizes.enter(step)
         for component in range(values.shape[1]):
-            contexts = plan.contexts(step, component, levels)
+            contexts = sizes.contexts(plan, component) if plan else np.zeros(len(rows), np.int64)
             residual = values[rows, component] - expected[:, component]
-            chosen = chooser.choose(step, component, residual, steps[rows, component], contexts)
-            writer.write(chosen, contexts)
+            chosen = chooser.choose(rows, component, residual, steps[rows, component], contexts)
             levels[rows, component] = chosen
+            if plan:
+                sizes.learn(component, chosen)
         decoded[rows] = expected + levels[rows] * steps[rows]
-    return predictor.pack() + writer.finish(), decoded
+    return levels, decoded
+
+
+def write_levels(
+    layout: Layout, levels: Int[np.ndarray, "n c"], steps: Int[np.ndarray, "n c"], plan: ContextPlan
+) -> SymbolWriter:
+    """Write levels under their contexts."""
+    sizes = Sizes(steps)
+    writer = SymbolWriter(SIZE_CLASSES)
+    for step in layout.passes:
+        sizes.enter(step)
+        for component in range(levels.shape[1]):
+            mine = levels[step.rows, component]
+            writer.write(mine, sizes.contexts(plan, component))
+            sizes.learn(component, mine)
+    return writer
 
 
 def decode_predicted(
-    reader: ByteReader, layout: Layout, steps: Int[np.ndarray, "n w"], plan: ContextPlan
+    reader: ByteReader, layout: Layout, steps: Int[np.ndarray, "n w"], n_components: int
 ) -> Int[np.ndarray, "n c"]:
     """Read what `encode_predicted` wrote, to the end of the section.
 
     Raises:
         FormatError: the bytes are not what an encoder writes.
     """
-    shape = (len(layout.slots), plan.n_components)
+    shape = (len(layout.slots), n_components)
     steps = np.broadcast_to(steps, shape)
-    predictor = Mixture.unpack(reader, plan.n_components)
-    symbols = SymbolReader(reader, plan.n_contexts)
+    predictor = Mixture.unpack(reader, n_components)
+    plan = ContextPlan.unpack(reader, n_components)
+    symbols = SymbolReader(reader, SIZE_CLASSES)
+    sizes = Sizes(steps)
     decoded, levels = np.zeros(shape, np.int64), np.zeros(shape, np.int64)
     for step in layout.passes:
         rows = step.rows
-        for component in range(plan.n_components):
-            levels[rows, component] = symbols.read(plan.contexts(step, component, levels))
+        sizes.enter(step)
+        for component in range(n_components):
+            found = symbols.read(sizes.contexts(plan, component))
+            sizes.learn(component, found)
+            levels[rows, component] = found
         values = predictor.predict(step, decoded) + levels[rows] * steps[rows]
         if np.abs(values).max(initial=0) > LIMIT:
             raise reader.error(f"a value is beyond +-{LIMIT} units")

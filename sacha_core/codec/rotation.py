@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
+from sacha_core.codec.choice import PLAIN, Worth
 from sacha_core.codec.order import Layout
 from sacha_core.codec.predicted import decode_predicted, encode_predicted
 from sacha_core.codec.reading import ByteReader
-from sacha_core.codec.scale import plan_of
 from sacha_core.codec.steps import Classes, StepRule
 
 __all__ = ["decode_rotation", "encode_rotation", "rotation_vector", "sort_axes"]
@@ -76,11 +76,11 @@ def rotation_vector(quaternion: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "
 
 
 def encode_rotation(
-    layout: Layout, quaternion: Float[np.ndarray, "n 4"], classes: Classes, rule: StepRule
+    layout: Layout, quaternion: Float[np.ndarray, "n 4"], classes: Classes, rule: StepRule, worth: Worth = PLAIN
 ) -> tuple[bytes, Int[np.ndarray, "n 3"]]:
     """Code unit quaternions that match sorted axes; give the section and the decoder's integers."""
     values = np.rint(rotation_vector(quaternion) / UNIT).astype(np.int64)
-    coded, decoded = encode_predicted(layout, values, rule.steps(classes)[:, None], plan_of(rule, classes, 3))
+    coded, decoded = encode_predicted(layout, values, rule.steps(classes)[:, None], worth)
     return rule.pack() + coded, decoded
 
 
@@ -91,7 +91,7 @@ def decode_rotation(reader: ByteReader, layout: Layout, classes: Classes) -> Flo
         FormatError: the bytes are not what an encoder writes.
     """
     rule = StepRule.unpack(reader)
-    values = decode_predicted(reader, layout, rule.steps(classes)[:, None], plan_of(rule, classes, 3))
+    values = decode_predicted(reader, layout, rule.steps(classes)[:, None], 3)
     x, y, z = (values.astype(np.float64) * UNIT).T
     squared = x * x + y * y + z * z
     w = np.sqrt(np.maximum(1.0 - squared, 0.0))

@@ -13,7 +13,7 @@ import struct
 import numpy as np
 from jaxtyping import Float, Int
 
-from sacha_core.codec.contexts import ContextPlan
+from sacha_core.codec.choice import PLAIN, Worth
 from sacha_core.codec.order import Layout
 from sacha_core.codec.predicted import decode_predicted, encode_predicted
 from sacha_core.codec.reading import ByteReader
@@ -25,11 +25,6 @@ UNIT = 2.0**-12  # of a natural logarithm
 HALF_OCTAVES = 189093  # 2 / ln 2 in 16 fractional bits: half octaves in a natural logarithm
 HALF_OCTAVE_SHIFT = 28
 NATURAL = 363409  # a half octave, ln 2 / 2, in 256ths of `UNIT`
-
-
-def plan_of(rule: StepRule, classes: Classes, n_components: int) -> ContextPlan:
-    """Contexts by how coarse the step of a Gaussian is, in octaves."""
-    return ContextPlan(n_components, rule.step_class(classes), rule.n_step_classes)
 
 
 def transparency_only(transparency: Int[np.ndarray, " n"]) -> Classes:
@@ -55,6 +50,7 @@ def encode_scale(
     log_scale: Float[np.ndarray, "n 3"],
     transparency: Int[np.ndarray, " n"],
     rules: tuple[StepRule, ...],
+    worth: Worth = PLAIN,
 ) -> tuple[bytes, Int[np.ndarray, "n 3"]]:
     """Code log-scales, sorted largest first, over the size of the middle triangle rather than their own.
 
@@ -67,8 +63,7 @@ def encode_scale(
     parts, columns = [], []
     for axis, rule in enumerate(rules):
         gap = values[:, axis] if axis == 0 else above - values[:, axis]
-        plan = plan_of(rule, classes, 1)
-        coded, decoded = encode_predicted(layout, gap[:, None], rule.steps(classes)[:, None], plan)
+        coded, decoded = encode_predicted(layout, gap[:, None], rule.steps(classes)[:, None], worth.of(axis))
         above = decoded[:, 0] if axis == 0 else above - decoded[:, 0]
         parts.append(rule.pack() + struct.pack("<I", len(coded)) + coded)
         columns.append(above)
@@ -90,7 +85,7 @@ def decode_scale(
         rule = StepRule.unpack(reader)
         (n_bytes,) = reader.unpack("I")
         part = reader.part(n_bytes)
-        decoded = decode_predicted(part, layout, rule.steps(classes)[:, None], plan_of(rule, classes, 1))
+        decoded = decode_predicted(part, layout, rule.steps(classes)[:, None], 1)
         above = decoded[:, 0] if axis == 0 else above - decoded[:, 0]
         columns.append(above)
     reader.check_end()

@@ -9,25 +9,54 @@ Source: own; the coder is constriction's `AnsCoder` (Bamler, 2022), specified in
 from __future__ import annotations
 
 import struct
+from dataclasses import dataclass
 from typing import Any
 
 import constriction
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from sacha_core.codec import tokens as token_split
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.tables import MAX_TABLES, count_bits, grades_of, read_tables, table_weights, write_tables
 from sacha_core.errors import FormatError
 
-__all__ = ["SymbolReader", "SymbolWriter"]
+__all__ = ["LevelBits", "SymbolReader", "SymbolWriter"]
 
+UNSEEN = 0.5
 HEAD = "BII"  # number of tables, bytes of the tables, bytes of the raw bits
 
 
 def make_model(grades: Int[np.ndarray, " a"]) -> Any:
     """Give the entropy model of a table."""
     return constriction.stream.model.Categorical(table_weights(grades), perfect=False)
+
+
+@dataclass(frozen=True)
+class LevelBits:
+    """Bits of integers under contexts, raw bits included.
+
+    Args:
+        table: (c, a) of every token from the least on, in each context.
+    """
+
+    table: Float[np.ndarray, "c a"]
+
+    @classmethod
+    def of_counts(cls, counts: Int[np.ndarray, "c a"]) -> LevelBits:
+        """Give the bits of tokens that occurred so often; one that did not costs what half an occurrence would."""
+        often = np.maximum(counts, UNSEEN)
+        total = np.maximum(counts.sum(axis=1, keepdims=True), 1)
+        tokens = np.arange(counts.shape[1]) - token_split.MAX_TOKEN
+        return cls(np.log2(total / often) + token_split.raw_lengths(tokens))
+
+    def __getitem__(self, contexts: Int[np.ndarray, " c"]) -> LevelBits:
+        """Give those of other contexts, each like one of these."""
+        return LevelBits(self.table[contexts])
+
+    def of(self, values: Int[np.ndarray, " m"], contexts: Int[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+        """Give the bits of each value in its context."""
+        return np.asarray(self.table[contexts, token_split.split_tokens(values)[0] + token_split.MAX_TOKEN])
 
 
 class SymbolWriter:
@@ -53,14 +82,24 @@ class SymbolWriter:
             )
         self._batches.append((values.reshape(-1).astype(np.int64), contexts.reshape(-1).astype(np.int64)))
 
-    def finish(self) -> bytes:
-        """Give the coded stream."""
+    def _collected(self) -> tuple[Int[np.ndarray, " m"], Int[np.ndarray, " m"], Int[np.ndarray, "c a"]]:
+        """Give all values and contexts, and how often each token occurs in each context."""
         values = np.concatenate([np.zeros(0, np.int64), *(batch[0] for batch in self._batches)])
         contexts = np.concatenate([np.zeros(0, np.int64), *(batch[1] for batch in self._batches)])
-        tokens, raw = token_split.split_tokens(values)
         width = 2 * token_split.MAX_TOKEN + 1
-        cells = contexts * width + tokens + token_split.MAX_TOKEN
+        cells = contexts * width + token_split.split_tokens(values)[0] + token_split.MAX_TOKEN
         counts = np.bincount(cells, minlength=self._n_contexts * width).reshape(self._n_contexts, width)
+        return values, contexts, counts
+
+    def level_bits(self) -> LevelBits:
+        """Give what levels would cost in the tables of this stream."""
+        table_of, grouped = group_contexts(self._collected()[2])
+        return LevelBits.of_counts(grouped)[table_of]
+
+    def finish(self) -> bytes:
+        """Give the coded stream."""
+        values, contexts, counts = self._collected()
+        tokens, raw = token_split.split_tokens(values)
         table_of, grouped = group_contexts(counts)
         tables = [fit_table(row) for row in grouped]
         coded_tables = write_tables(table_of, tables)
