@@ -34,6 +34,9 @@ class GaussianImportance:
         sh_rest: (n, k, 3) for those of degree 1 and up.
         removal: (n,) squared change when the Gaussian alone is left out.
         shown: (n,) its largest blending weight in any pixel of any view, 0 to 1.
+        colour_metric: (n, k + 1, k + 1) float32 for the coefficients of one colour together: an error e of all of them, degree 0 first,
+            changes pictures by e^T M e. Mean over views of the summed squared blending weight times the outer product of the harmonics in
+            the direction of view; None where nobody measured it.
     """
 
     position: Float[np.ndarray, "n 3"]
@@ -44,6 +47,7 @@ class GaussianImportance:
     sh_rest: Float[np.ndarray, "n k 3"]
     removal: Float[np.ndarray, " n"]
     shown: Float[np.ndarray, " n"]
+    colour_metric: Float[np.ndarray, "n k1 k1"] | None = None
 
     def __len__(self) -> int:
         """Give the number of Gaussians."""
@@ -51,7 +55,7 @@ class GaussianImportance:
 
     def select(self, rows: Bool[np.ndarray, " n"] | Int[np.ndarray, " m"]) -> GaussianImportance:
         """Give that of the Gaussians at `rows` (a mask or indices), in that order, as `Gaussians.select` does."""
-        return GaussianImportance(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return GaussianImportance(**{name: value[rows] for name, value in self._present()})
 
     def with_axes(self, order: Int[np.ndarray, "n 3"]) -> GaussianImportance:
         """Give that of the same Gaussians with their axes in another order.
@@ -68,19 +72,28 @@ class GaussianImportance:
         Raises:
             FormatError: naming the attribute, the first offending row, and what was expected.
         """
-        for f in fields(self):
-            value = getattr(self, f.name)
+        for name, value in self._present():
             if len(value) != n:
-                raise FormatError(f"importance {f.name} has {len(value)} rows, expected {n} (one for each Gaussian)")
-            check_rows(f"importance {f.name}", value.shape, ROWS[f.name])
-            sound = (np.isfinite(value) & (value >= 0)).all(axis=tuple(range(1, value.ndim)))
+                raise FormatError(f"importance {name} has {len(value)} rows, expected {n} (one for each Gaussian)")
+            check_rows(f"importance {name}", value.shape, ROWS[name])
+            least = 0 if name != "colour_metric" else -np.inf
+            sound = (np.isfinite(value) & (value >= least)).all(axis=tuple(range(1, value.ndim)))
             if not sound.all():
                 row = int(np.argmin(sound))
-                raise FormatError(f"importance {f.name} of Gaussian {row} is negative or not finite")
+                raise FormatError(f"importance {name} of Gaussian {row} is negative or not finite")
         if self.sh_rest.shape[1] != n_harmonics:
             raise FormatError(f"importance sh_rest is of {self.sh_rest.shape[1]} coefficients, expected {n_harmonics}")
+        expected = (n_harmonics + 1, n_harmonics + 1)
+        if self.colour_metric is not None and self.colour_metric.shape[1:] != expected:
+            raise FormatError(f"importance colour_metric is of {self.colour_metric.shape[1:]}, expected {expected}")
+
+    def _present(self) -> list[tuple[str, np.ndarray]]:
+        """Give the names and values of all that was measured."""
+        values = [(f.name, getattr(self, f.name)) for f in fields(self)]
+        return [(name, value) for name, value in values if value is not None]
 
 
 ROWS: dict[str, RowShape] = {
     "position": (3,), "log_scale": (3,), "rotation": (3,), "opacity": (), "sh_dc": (3,), "sh_rest": (None, 3), "removal": (), "shown": (),
+    "colour_metric": (None, None),
 }  # fmt: skip

@@ -14,6 +14,7 @@ from sacha_core.raster.binning import Binner, Bins
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.kernels.blend import BLEND_SCRATCH, blend
 from sacha_core.raster.kernels.blend_backward import BACKWARD_SCRATCH, blend_backward
+from sacha_core.raster.kernels.blend_peaks import blend_peaks, gather_peaks
 from sacha_core.raster.kernels.blend_removal import IMAGES, KINDS, REMOVAL_SCRATCH, blend_removal
 from sacha_core.raster.kernels.blend_weights import blend_weights
 from sacha_core.raster.kernels.layout import RECORD
@@ -194,6 +195,29 @@ class Rasteriser:
             gathered = np.zeros((len(result), MAX_CHANNELS))
             gather_weights(0, len(result), bins.span.ravel(), sums, gathered)
             result[:, first : first + MAX_CHANNELS] = gathered[:, : len(part)]
+        return result
+
+    def largest_weights(self, frame: Frame) -> Float[np.ndarray, " n"]:
+        """Give for each Gaussian the largest blending weight that it has in any pixel, 0 to 1, float32.
+
+        Args:
+            frame: what the last `forward` gave.
+
+        Raises:
+            OptionError: the frame is not of the last `forward`.
+        """
+        self._checked(frame, frame.transmittance, frame.transmittance.shape)
+        bins, ranges, scratch = frame.bins, frame.bins.ranges, self._scratch()
+        peaks, result = self._entry_sums(bins), np.zeros(len(frame.splats), np.float32)
+
+        def job(worker: int, k: int) -> None:
+            blend_peaks(
+                ranges[k], ranges[k + 1], bins.start, bins.done, bins.entries, bins.projection.records, bins.x_lanes, bins.y_lanes,
+                frame.camera.width, frame.camera.height, peaks, scratch[worker],
+            )  # fmt: skip
+
+        self._pool.run(job, len(ranges) - 1)
+        gather_peaks(0, len(result), bins.span.ravel(), peaks, result)
         return result
 
     def removal_changes(

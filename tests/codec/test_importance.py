@@ -14,7 +14,7 @@ from sacha_core.errors import FormatError
 
 def importance_of(n: int, k: int, seed: int = 0) -> GaussianImportance:
     rng = np.random.default_rng(seed)
-    shapes = {"opacity": (n,), "removal": (n,), "shown": (n,), "sh_rest": (n, k, 3)}
+    shapes = {"opacity": (n,), "removal": (n,), "shown": (n,), "sh_rest": (n, k, 3), "colour_metric": (n, k + 1, k + 1)}
     return GaussianImportance(**{f.name: rng.random(shapes.get(f.name, (n, 3))) for f in fields(GaussianImportance)})
 
 
@@ -44,10 +44,12 @@ def test_axes_follow_those_of_the_sorted_gaussian() -> None:
         ({"removal": np.array([0, 0, np.nan, 0, 0])}, "importance removal of Gaussian 2 is negative or not finite"),
         ({"sh_dc": np.full((5, 3), -1.0)}, "importance sh_dc of Gaussian 0 is negative or not finite"),
         ({"sh_rest": np.zeros((5, 3, 3))}, "importance sh_rest is of 3 coefficients, expected 8"),
+        ({"colour_metric": np.zeros((5, 4, 4))}, r"importance colour_metric is of \(4, 4\), expected \(9, 9\)"),
     ],
 )
 def test_what_is_not_of_these_gaussians_is_refused(change: dict[str, np.ndarray], said: str) -> None:
     good = importance_of(5, 8)
     good.validate(5, 8)
+    replace(good, colour_metric=None).select(np.arange(4)).validate(4, 8)
     with pytest.raises(FormatError, match=said):
         replace(good, **change).validate(5, 8)

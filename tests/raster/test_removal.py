@@ -208,3 +208,19 @@ def test_refuses_what_does_not_fit(rasteriser) -> None:
             rasteriser.removal_changes(frame, weights, channels)
     with pytest.raises(OptionError, match="shape"):
         rasteriser.removal_changes(frame, weights[:, 1:])
+
+
+def test_largest_weights_are_those_of_the_definition(rasteriser: Rasteriser) -> None:
+    """Oracle: the float64 compositor's weights, pixel by pixel."""
+    splats, view = scene(7, 60), camera()
+    background = np.zeros(3, np.float32)
+    frame = rasteriser.forward(splats, view, background)
+    found = rasteriser.largest_weights(frame)
+    expected = draw(parameters(splats), view, background, frame.bins.projection.depths[:60].copy())
+    calm = expected.band > BAND
+    weights = expected.weights.numpy()
+    np.testing.assert_allclose(found, weights.max(axis=(1, 2)), rtol=ALONE, atol=1e-6 if calm.all() else 1 / 255)
+    assert (found > 0).sum() > 30
+    rasteriser.forward(splats, view, background)
+    with pytest.raises(OptionError, match="stale"):
+        rasteriser.largest_weights(frame)
