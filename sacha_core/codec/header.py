@@ -13,7 +13,7 @@ from sacha_core.flame.model import HeadReference
 
 __all__ = ["ARCHIVE", "LOSSY", "PAPER", "PROFILES", "Header"]
 
-LAYOUT = "BHBBIIIIIII"  # profile, level in hundredths, SH degree, flags, then seven counts as in Header
+LAYOUT = "BhBBIIIIIII"  # profile, level in hundredths, SH degree, flags, then seven counts as in Header
 LOSSY, ARCHIVE, PAPER = 0, 1, 2  # profiles
 PROFILES = ("lossy", "archive", "paper")
 HUNDREDTHS = 100
@@ -114,10 +114,10 @@ class Header:
         name, scheme = reader.text(), reader.text()
         n_gaussians, n_vertices, n_faces, n_frames, n_expression, n_shape, n_offsets = counts
         reader.check_end()
-        if profile >= len(PROFILES) or level > MAX_LEVEL:
+        if profile >= len(PROFILES) or abs(level) > MAX_LEVEL:
             raise reader.error(
                 f"profile {profile} at level {level / HUNDREDTHS:g}; this decoder knows profiles 0 to {len(PROFILES) - 1}, "
-                f"levels up to {MAX_LEVEL // HUNDREDTHS}"
+                f"levels up to +-{MAX_LEVEL // HUNDREDTHS}"
             )
         if sh_degree > 3:
             raise reader.error(f"spherical harmonics of degree {sh_degree}, at most 3")

@@ -412,7 +412,7 @@ def reference_decode(data: bytes, vertices: np.ndarray, faces: np.ndarray) -> di
     """Give the arrays of Gaussians and motion; `vertices` and `faces` are the unposed head's."""
     sections = sections_of(data)
     fields = Fields(sections["Header"])
-    _, _, degree, flags, _, _, f, t, e, s, o = fields.read("BHBB7I")
+    _, _, degree, flags, _, _, f, t, e, s, o = fields.read("BhBB7I")
     order, size = triangles_of(vertices, faces) if flags & 2 else (list(range(f)), [0] * f)
     coded = AdaptiveIntegers(sections["Counts"][1:], 1)
     counts = coded.run([0] * f)
