@@ -23,6 +23,7 @@ from sacha_core.bench.result import Bench, Column, Panel, Row, Table
 from sacha_core.bench.scenes import front_camera, made_avatar, made_head
 from sacha_core.codec import encode, open_stream
 from sacha_core.codec.motion import MotionReader
+from sacha_core.codec.whole_motion import WholeMotion
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.parallel.pool import available_threads
@@ -313,7 +314,7 @@ def jump(player: Player, camera: Camera, rng: np.random.Generator) -> None:
     player.frame(int(rng.integers(len(player))), camera)
 
 
-def any_group(motion: MotionReader, n_groups: int, rng: np.random.Generator) -> None:
+def any_group(motion: MotionReader | WholeMotion, n_groups: int, rng: np.random.Generator) -> None:
     """Decode any group."""
     motion.group(int(rng.integers(n_groups)))
 

@@ -10,6 +10,7 @@ import tyro
 
 from sacha_core.cli.common import Common, FileOption, HeadSource, MaybePath
 from sacha_core.cli.console import Console, kilobytes
+from sacha_core.cli.inspect import grade
 from sacha_core.errors import OptionError
 
 if TYPE_CHECKING:
@@ -46,8 +47,8 @@ class Options:
     motion: FileOption = None
     """Motion (.npz): FLAME parameters, or weights of a rig's blend shapes; by default the model folder's own."""
 
-    level: Literal[1, 2, 3, 4] = 2
-    """1 is the smallest, 4 the best."""
+    level: Literal[1, 2, 3, 4, "archive"] = 2
+    """1 is the smallest, 4 the best; `archive` keeps every bit of every number."""
 
     embed_head: bool = False
     """Put the head into the file too, so that it opens anywhere; its bytes are counted apart."""
@@ -65,7 +66,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     """
     from sacha_core.cli.inspect import byte_counts
     from sacha_core.cli.sources import open_avatar
-    from sacha_core.codec import encode, inspect
+    from sacha_core.codec import encode, encode_archive, inspect
     from sacha_core.files import write_aside
 
     if (options.model is None) == (options.ply is None):
@@ -76,7 +77,10 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         raise OptionError(f"--ply {options.ply}: expected a file whose name ends in .ply")
     opened = open_avatar(path, options.head, options.motion)
     avatar = opened.avatar
-    data = encode(avatar, options.level, head=opened.head, embed_head=options.embed_head)
+    if options.level == "archive":
+        data = encode_archive(avatar, head=opened.head, embed_head=options.embed_head)
+    else:
+        data = encode(avatar, options.level, head=opened.head, embed_head=options.embed_head)
     with write_aside(options.output) as aside:
         aside.write_bytes(data)
     found = inspect(data)
@@ -103,7 +107,7 @@ def ply_bytes(gaussians: Gaussians) -> int:
 def tell(options: Options, found: Inspection, n_given: int, raw_bytes: int, console: Console) -> None:
     """Say what was written, and what each part costs."""
     left_out = n_given - found.n_gaussians
-    console.wrote("avatar", options.output, f"level {options.level}, {kilobytes(found.total_bytes)}")
+    console.wrote("avatar", options.output, f"{grade(found)}, {kilobytes(found.total_bytes)}")
     console.say(
         f"gaussians    {kilobytes(found.gaussian_bytes)} for {found.n_gaussians:,}"
         + (f" ({left_out:,} that never show were left out)" if left_out else "")

@@ -14,7 +14,7 @@ from sacha_core.cli.console import Console, kilobytes, table
 if TYPE_CHECKING:
     from sacha_core.codec import Inspection
 
-__all__ = ["INPUTS", "Options", "byte_counts", "run"]
+__all__ = ["INPUTS", "Options", "byte_counts", "grade", "run"]
 
 INPUTS = ("file",)
 
@@ -27,6 +27,8 @@ MEANINGS = {  # of the sections that this version writes
     "Position": "positions",
     "Colour": "colours",
     "Harmonic": "colours' change with the direction of view",
+    "Binding": "the triangle of each Gaussian",
+    "Sensitiv": "perceptual sensitivities",
     "Static": "the person: shape, offsets",
     "Motion": "motion, frame by frame",
     "head": "the head model itself",
@@ -110,7 +112,7 @@ def describe(file: Path, found: Inspection) -> str:
     if found.n_frames:
         sums += f" ({found.dynamic_bytes_per_frame:.1f} bytes a frame)"
     lines = [
-        f"{file}: format {found.version[0]}.{found.version[1]}, {_grade(found)}, {kilobytes(found.total_bytes)}",
+        f"{file}: format {found.version[0]}.{found.version[1]}, {grade(found)}, {kilobytes(found.total_bytes)}",
         f"gaussians    {found.n_gaussians:,}, spherical harmonics of degree {found.sh_degree}, region scheme {found.scheme!r}",
         f"motion       {motion}",
         f"head         {found.head.name}: {found.head.n_vertices} vertices, {found.head.n_faces} triangles, "
@@ -122,7 +124,7 @@ def describe(file: Path, found: Inspection) -> str:
     return "\n".join(lines)
 
 
-def _grade(found: Inspection) -> str:
+def grade(found: Inspection) -> str:
     """Say how finely a file is coded."""
     if found.profile == "archive":
         return "archive: every bit"

@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
+from sacha_core.codec.archive_encoder import encode_archive
 from sacha_core.codec.decoder import AvatarStream, decode, embedded_head, open_stream
 from sacha_core.codec.encoder import encode
 from sacha_core.codec.inspection import Inspection, SectionSize, inspect
 
-__all__ = ["AvatarStream", "Inspection", "SectionSize", "decode", "embedded_head", "encode", "inspect", "open_stream"]
+__all__ = [
+    "AvatarStream",
+    "Inspection",
+    "SectionSize",
+    "decode",
+    "embedded_head",
+    "encode",
+    "encode_archive",
+    "inspect",
+    "open_stream",
+]

@@ -13,7 +13,6 @@ from dataclasses import fields
 import numpy as np
 from jaxtyping import Float, Int
 
-from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.codec.adaptive import AdaptiveDecoder, AdaptiveEncoder
@@ -22,6 +21,7 @@ from sacha_core.codec.header import Header
 from sacha_core.codec.lossless import decode_exactly, encode_exactly
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.sections import need
+from sacha_core.codec.whole_motion import read_frame_rate
 from sacha_core.errors import FormatError
 
 __all__ = ["decode_archive", "decode_archive_motion", "encode_archive_motion", "encode_archive_sections", "exact"]
@@ -72,7 +72,8 @@ def decode_binding(reader: ByteReader, n: int, n_faces: int) -> tuple[Int[np.nda
     (order,) = reader.unpack("B")
     if order > BY_TRIANGLE:
         raise reader.error(f"rows in order {order}, expected 0 or 1")
-    coder = AdaptiveDecoder(reader.take(reader.left), 1, expected=n, offset=reader.offset)
+    offset = reader.offset
+    coder = AdaptiveDecoder(reader.take(reader.left), 1, expected=n, offset=offset)
     binding = np.cumsum(coder.read(np.zeros(n, np.int64)))
     coder.check_end()
     if n and not (binding.min() >= 0 and binding.max() < n_faces):
@@ -164,7 +165,7 @@ def decode_archive_motion(sections: dict[str, Section], header: Header) -> Motio
     offsets = decode_exactly(reader.part(*reader.unpack("I")), header.n_offsets, 3)
     reader.check_end()
     reader = need(sections, "Motion").reader()
-    (rate,) = reader.unpack("d")
+    rate = read_frame_rate(reader)
     widths = {f.name: 3 for f in fields(Motion)} | {"expression": header.n_expression, "eyes": 6}
     frames = {name: decode_exactly(reader.part(*reader.unpack("I")), t, widths[name]) for name in DYNAMIC}
     reader.check_end()

@@ -13,21 +13,24 @@ import numpy as np
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.codec.archive import decode_archive, decode_archive_motion
 from sacha_core.codec.colour import decode_colour
-from sacha_core.codec.container import MAGIC, Section, parse_sections
+from sacha_core.codec.container import MAGIC, Section
 from sacha_core.codec.counts import decode_counts
 from sacha_core.codec.harmonics import decode_harmonics
 from sacha_core.codec.head import decode_head
-from sacha_core.codec.header import Header
+from sacha_core.codec.header import ARCHIVE, Header
 from sacha_core.codec.motion import MotionReader
 from sacha_core.codec.opacity import decode_opacity
 from sacha_core.codec.order import Layout
 from sacha_core.codec.position import decode_position
 from sacha_core.codec.rotation import decode_rotation
 from sacha_core.codec.scale import classes_of, decode_scale
+from sacha_core.codec.sections import need, sections_of
 from sacha_core.codec.static import decode_static
 from sacha_core.codec.template import Template, template_of, unknown_template
-from sacha_core.errors import FormatError, HeadError
+from sacha_core.codec.whole_motion import WholeMotion
+from sacha_core.errors import HeadError
 from sacha_core.flame.model import HeadModel, HeadReference
 
 __all__ = [
@@ -42,7 +45,6 @@ __all__ = [
 ]
 
 Source = bytes | bytearray | memoryview | str | os.PathLike[str]
-KNOWN = ("Header", "Static", "Counts", "Opacity", "Scale", "Rotation", "Position", "Colour", "Harmonic", "Motion")
 
 
 def read_source(source: Source) -> bytes:
@@ -52,28 +54,6 @@ def read_source(source: Source) -> bytes:
     with Path(source).open("rb") as file:
         start = file.read(len(MAGIC))
         return start + file.read() if start == MAGIC else start  # what is no such file may have no end
-
-
-def sections_of(data: bytes) -> tuple[tuple[int, int], dict[str, Section]]:
-    """Split a file; refuse sections that must be understood and are not known.
-
-    Raises:
-        FormatError: the container is damaged, or the file needs a newer decoder.
-    """
-    version, sections = parse_sections(data)
-    for name, section in sections.items():
-        if name[0].isupper() and name not in KNOWN:
-            raise FormatError(
-                f"section {name!r} must be understood to decode this file; a newer decoder is needed", section.offset
-            )
-    return version, sections
-
-
-def need(sections: dict[str, Section], name: str) -> Section:
-    """Give a section that has to be there."""
-    if name not in sections:
-        raise FormatError(f"section {name!r} is missing")
-    return sections[name]
 
 
 def read_header(data: bytes, sections: dict[str, Section]) -> Header:
@@ -88,20 +68,20 @@ class AvatarStream:
     Args:
         gaussians: the canonical Gaussians.
         head: which head model they are bound to.
-        motion: decodes any group alone; None for an avatar without a motion.
+        motion: gives any group alone; None for an avatar without a motion.
         scheme: name of the region scheme that was used in training.
     """
 
     gaussians: Gaussians
     head: HeadReference
-    motion: MotionReader | None
+    motion: MotionReader | WholeMotion | None
     scheme: str
 
 
 def decode(source: Source, *, head: HeadModel | None = None) -> Avatar:
     """Decompress an avatar.
 
-    Gaussians come triangle by triangle, in a triangle by falling opacity, the axes of each by falling scale.
+    Gaussians come triangle by triangle, in a triangle by falling opacity, the axes of each by falling scale; from an archive as they were.
 
     Args:
         source: the bytes of a `.sacha` file, or its path.
@@ -133,9 +113,16 @@ def open_stream(source: Source, *, head: HeadModel | None = None) -> AvatarStrea
     data = read_source(source)
     _, sections = sections_of(data)
     header = read_header(data, sections)
-    gaussians = decode_gaussians(sections, header, find_template(sections, header, head))
+    gaussians = read_gaussians(sections, header, find_template(sections, header, head))
     gaussians.validate(header.head.n_faces)
     return AvatarStream(gaussians, header.head, read_motion(sections, header), header.scheme)
+
+
+def read_gaussians(sections: dict[str, Section], header: Header, template: Template) -> Gaussians:
+    """Decode all attributes by the file's profile."""
+    if header.profile == ARCHIVE:
+        return decode_archive(sections, header)
+    return decode_gaussians(sections, header, template)
 
 
 def find_template(sections: dict[str, Section], header: Header, head: HeadModel | None) -> Template:
@@ -183,10 +170,12 @@ def decode_gaussians(sections: dict[str, Section], header: Header, template: Tem
     )
 
 
-def read_motion(sections: dict[str, Section], header: Header) -> MotionReader | None:
+def read_motion(sections: dict[str, Section], header: Header) -> MotionReader | WholeMotion | None:
     """Read what the motion says once and where its groups lie, or give None where the file has none."""
     if not header.has_motion:
         return None
+    if header.profile == ARCHIVE:
+        return WholeMotion(decode_archive_motion(sections, header))
     shape, static_offset = decode_static(need(sections, "Static").reader(), header.n_shape, header.n_offsets)
     dynamic = need(sections, "Motion").reader()
     motion = MotionReader(dynamic, header.n_frames, header.n_expression, shape, static_offset)

@@ -196,22 +196,24 @@ def add_motion(header: Header, avatar: Avatar, level: Level, group_frames: int) 
     motion = avatar.motion
     assert motion is not None
     motion.validate()
-    if len(motion.static_offset) not in (0, avatar.head.n_vertices):
-        raise FormatError(f"{len(motion.static_offset)} vertex offsets, the head has {avatar.head.n_vertices} vertices")
+    told = header.telling(motion)
+    check_offsets(told)
     try:
         static = encode_static(motion.shape, motion.static_offset, level.shape_step, level.offset_step)
         dynamic = encode_motion(motion, level, group_frames)
     except OverflowError as fault:
         raise FormatError(f"motion: {fault}") from fault
-    told = replace(
-        header,
-        n_frames=len(motion),
-        n_expression=motion.expression.shape[1],
-        n_shape=len(motion.shape),
-        n_offsets=len(motion.static_offset),
-        has_motion=True,
-    )
     return told, [Section("Static", static), Section("Motion", dynamic)]
+
+
+def check_offsets(header: Header) -> None:
+    """Check that every vertex of the head has an offset, or none.
+
+    Raises:
+        FormatError: some have.
+    """
+    if header.n_offsets not in (0, header.head.n_vertices):
+        raise FormatError(f"{header.n_offsets} vertex offsets, the head has {header.head.n_vertices} vertices")
 
 
 def pad(sections: list[Section], header: Header) -> list[Section]:

@@ -1,8 +1,9 @@
 r"""Lossless columns of float32: what a number is expected to be, and how it is said exactly.
 
-A row lies between two known ones, its *neighbours*; a number is expected at their mean, moved by how far the numbers of earlier columns of
-the row were off theirs. It is then told in one of two ways, whichever is shorter for the column: by its own sign and exponent under a context
-of the expected value, or by the distance of its bits from those of the expected value. What follows the leading bits is noise, and sent as it is.
+A row lies between two known ones, its *neighbours*; a number is expected at their mean, moved by how far the numbers of earlier columns
+of the row were off theirs. It is then told in one of two ways, whichever is shorter for the column: by its own sign and exponent under a
+context of the expected value, or by the distance of its bits from those of the expected value. What follows the leading bits is noise,
+and sent as it is.
 
 Source: own; bits as ordered integers after Lindstrom and Isenburg, Fast and Efficient Compression of Floating-Point Data, 2006.
 """
@@ -18,7 +19,17 @@ from jaxtyping import Float, Int
 from sacha_core.codec.reading import ByteReader
 
 __all__ = [
-    "CONSTANT", "CONTEXTS", "DIRECT", "RESIDUAL", "UNIT", "Column", "bit_length", "between", "magnitudes", "neighbours", "passes_of",
+    "CONSTANT",
+    "CONTEXTS",
+    "DIRECT",
+    "RESIDUAL",
+    "UNIT",
+    "Column",
+    "between",
+    "bit_length",
+    "magnitudes",
+    "neighbours",
+    "passes_of",
 ]  # fmt: skip
 
 CONSTANT, DIRECT, RESIDUAL, UNIT = range(4)  # modes
@@ -139,11 +150,11 @@ class Column:
         if self.mode == UNIT:
             z, y, x = earlier
             rest = np.sqrt(np.maximum(1.0 - ((x * x + y * y) + z * z), 0.0))
-            return np.where(mean < 0, -rest, rest).astype(np.float32)
+            return np.asarray(np.where(mean < 0, -rest, rest).astype(np.float32))
         total = self.centre + (self.coefficients[0] * FRACTION) * (mean - self.centre)
         for coefficient, distance in zip(self.coefficients[1:], off, strict=False):
             total = total + (coefficient * FRACTION) * distance
-        return np.clip(total, -LARGEST, LARGEST).astype(np.float32)
+        return np.asarray(np.clip(total, -LARGEST, LARGEST).astype(np.float32))
 
     def bins(self, expected: Float[np.ndarray, " p"]) -> Int[np.ndarray, " p"]:
         """Which thresholds the expected values lie between."""

@@ -33,7 +33,7 @@ class Symbols:
     """n numbers as they are sent.
 
     Args:
-        lead: (n,) leading symbol: signed place of the exponent below the anchor, 0 for the number 0; or length of the distance less the anchor.
+        lead: (n,) leading symbol: signed place of the exponent below the anchor, 0 for 0; or length of a distance less the anchor.
         next: (n,) following symbol, 0 to 15.
         has_next: (n,) whether it is sent.
         noise: (n,) the rest.

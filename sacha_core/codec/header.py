@@ -6,8 +6,9 @@ Source: own.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from sacha_core.avatar.motion import Motion
 from sacha_core.codec.reading import ByteReader, pack_text
 from sacha_core.flame.model import HeadReference
 
@@ -72,13 +73,25 @@ class Header:
     def n_adaptive(self) -> int:
         """How many adaptive integers there are, which take longer to decode: counts and motion, its base frame included."""
         static = self.n_shape + 3 * self.n_offsets
-        return self.head.n_faces + static + (self.n_frames + 1) * (self.n_expression + 18)
+        bindings = self.n_gaussians if self.profile == ARCHIVE else self.head.n_faces
+        return bindings + static + (self.n_frames + 1) * (self.n_expression + 18)
 
     def missing_bytes(self, file_bytes: int) -> int:
         """How many bytes a file of this size lacks to answer for what it says; 0 or less where it does."""
         attributes = self.n_attributes - FREE_ATTRIBUTES - ATTRIBUTES_PER_BYTE * file_bytes
         adaptive = self.n_adaptive - FREE_ADAPTIVE - ADAPTIVE_PER_BYTE * file_bytes
         return max(-(-attributes // ATTRIBUTES_PER_BYTE), -(-adaptive // ADAPTIVE_PER_BYTE))
+
+    def telling(self, motion: Motion) -> Header:
+        """Give the header of a file that has this motion too."""
+        return replace(
+            self,
+            n_frames=len(motion),
+            n_expression=motion.expression.shape[1],
+            n_shape=len(motion.shape),
+            n_offsets=len(motion.static_offset),
+            has_motion=True,
+        )
 
     def pack(self) -> bytes:
         """Write the section."""

@@ -7,9 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sacha_core.codec.decoder import Source, read_header, read_source, sections_of
-from sacha_core.codec.header import PROFILES
+from sacha_core.codec.container import Section
+from sacha_core.codec.decoder import Source, read_header, read_source
+from sacha_core.codec.header import LOSSY, PROFILES, Header
 from sacha_core.codec.motion import read_motion_head
+from sacha_core.codec.sections import sections_of
+from sacha_core.codec.whole_motion import read_frame_rate
 from sacha_core.flame.model import HeadReference
 
 __all__ = ["Inspection", "SectionSize", "inspect"]
@@ -96,9 +99,7 @@ def inspect(source: Source) -> Inspection:
     sizes = tuple(SectionSize(section.name, section.offset, len(section.data)) for section in sections.values())
     motion_bytes = sum(size.n_bytes for size in sizes if size.name in MOTION_SECTIONS)
     head_bytes = sum(size.n_bytes for size in sizes if size.name == HEAD_SECTION)
-    motion = None
-    if header.has_motion and "Motion" in sections:
-        motion = read_motion_head(sections["Motion"].reader(), header.n_frames, header.n_expression)
+    frame_rate, n_groups = motion_facts(sections, header)
     return Inspection(
         version=version,
         level=header.level,
@@ -109,11 +110,22 @@ def inspect(source: Source) -> Inspection:
         n_gaussians=header.n_gaussians,
         sh_degree=header.sh_degree,
         n_frames=header.n_frames,
-        frame_rate=motion.frame_rate if motion else None,
-        n_groups=len(motion.groups) if motion else 0,
+        frame_rate=frame_rate,
+        n_groups=n_groups,
         sections=sizes,
         gaussian_bytes=len(data) - motion_bytes - head_bytes,
         motion_bytes=motion_bytes,
         head_bytes=head_bytes,
         total_bytes=len(data),
     )
+
+
+def motion_facts(sections: dict[str, Section], header: Header) -> tuple[float | None, int]:
+    """Give the frame rate of the motion, None where there is none, and the groups that playback can start at."""
+    if not header.has_motion or "Motion" not in sections:
+        return None, 0
+    reader = sections["Motion"].reader()
+    if header.profile == LOSSY:
+        motion = read_motion_head(reader, header.n_frames, header.n_expression)
+        return motion.frame_rate, len(motion.groups)
+    return read_frame_rate(reader), min(header.n_frames, 1)
