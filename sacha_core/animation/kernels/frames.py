@@ -18,7 +18,7 @@ BLOCK = 64  # triangles
 ORIGIN, QUATERNION, ROTATION, SCALE, SOUND, PLANES = (BLOCK * plane for plane in (0, 3, 9, 18, 19, 20))
 
 
-@kernel(error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST, forceinline=True)
 def gather(vertices, faces, first, count, planes):
     """Copy the corners of some triangles to planes 0 to 8."""
     for i in range(count):
@@ -28,7 +28,7 @@ def gather(vertices, faces, first, count, planes):
                 planes[(3 * corner + c) * BLOCK + i] = vertices[v, c]
 
 
-@kernel(error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST, forceinline=True)
 def solve(planes, limit, smallest):
     """Turn the corners of a block into frames; SOUND is 1 where a triangle has one, else 0."""
     infinite, zero = planes.dtype.type(np.inf), planes.dtype.type(0)
@@ -74,7 +74,7 @@ def solve(planes, limit, smallest):
         planes[QUATERNION + 2 * b + i], planes[QUATERNION + 3 * b + i] = y / length, z / length
 
 
-@kernel(error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST, forceinline=True)
 def scatter(planes, first, count, rotation, scale, origin, quaternion):
     """Copy a block's frames to where they belong; gives the first degenerate triangle, or -1."""
     for i in range(count):

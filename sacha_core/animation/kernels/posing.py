@@ -85,7 +85,7 @@ def gather_active(expression, rotations, has_correctives, rows, coefficients):
     return count
 
 
-@kernel(error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST, forceinline=True)
 def blend_shapes(start, stop, template, directions, moves, rows, coefficients, count, unposed):
     """Write the unposed coordinates `start` to `stop` (all arrays flat): the template and the active rows of the directions.
 
@@ -120,7 +120,7 @@ def blend_shapes(start, stop, template, directions, moves, rows, coefficients, c
             out[i] += c0 * d0[i]
 
 
-@kernel(error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST, forceinline=True)
 def skin(unposed, weights, transforms, translation, vertices):
     """Write posed vertices (v, 3): each joint's map under its weight, and then the translation. `unposed` is flat."""
     for v in range(vertices.shape[0]):

@@ -8,6 +8,10 @@ Here the name of a file says all that the code in it was made from: the sources,
 right or it is not there; whoever writes it writes the same, whole or not at all. It lies where Numba would put it: in `__pycache__` beside
 the source, in the user's cache where that is read-only, or in NUMBA_CACHE_DIR.
 
+A kernel that other kernels call is kept with each of them once more, compiled in their surroundings, and a process runs whichever copy it
+met first: its own where it compiled, the caller's where it did not. With `fastmath` the two may round differently, so such a kernel
+takes `forceinline=True`.
+
 Source: own.
 """
 

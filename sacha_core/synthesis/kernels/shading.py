@@ -19,7 +19,7 @@ POSITION, NORMAL, IRRADIANCE, ALBEDO, REST, GLOSS, OPACITY, N_COLUMNS = 0, 3, 6,
 f32 = np.float32
 
 
-@kernel(fastmath=FAST)
+@kernel(fastmath=FAST, forceinline=True)
 def lattice(x, y, z):
     """Give a value in [0, 1) that looks random for each point of the integer lattice."""
     key = (
@@ -32,7 +32,7 @@ def lattice(x, y, z):
     return f32(key >> np.uint32(8)) * f32(1 / (1 << 24))
 
 
-@kernel(fastmath=FAST)
+@kernel(fastmath=FAST, forceinline=True)
 def noise(x, y, z):
     """Give smooth noise in [-1, 1] with features of unit size.
 
@@ -58,14 +58,14 @@ def noise_at(points, frequency):
     return values
 
 
-@kernel(fastmath=FAST)
+@kernel(fastmath=FAST, forceinline=True)
 def step(low, high, x):
     """Rise smoothly from 0 at `low` to 1 at `high`."""
     t = min(max((x - low) / (high - low), f32(0)), f32(1))
     return t * t * (f32(3) - f32(2) * t)
 
 
-@kernel(fastmath=FAST)
+@kernel(fastmath=FAST, forceinline=True)
 def paint_eye(direction, iris, albedo):
     """Fill `albedo` (3,) with the colour of an eyeball seen in `direction` (3,) from its centre; z is where it looks.
 
@@ -97,7 +97,7 @@ def paint_eye(direction, iris, albedo):
         albedo[k] = colour + ((f32(0.78), f32(0.74), f32(0.71))[k] - colour) * white
 
 
-@kernel(fastmath=FAST)
+@kernel(fastmath=FAST, forceinline=True)
 def paint_shirt(rest, shirt, albedo):
     """Cover `albedo` (3,) by the shirt below its collar, with a ribbed neckband, and shade the skin above; give how much is cloth."""
     below = (shirt[3] - shirt[4] * rest[2] - rest[1]) / shirt[6]
@@ -115,7 +115,7 @@ def paint_shirt(rest, shirt, albedo):
     return cover
 
 
-@kernel(fastmath=FAST)
+@kernel(fastmath=FAST, forceinline=True)
 def add_surface_highlights(vertex, view, lamps, shade, gloss, strength, colour):
     """Add what a smooth surface reflects: a lobe for each lamp, and the sky at grazing angles.
 
@@ -144,7 +144,7 @@ def add_surface_highlights(vertex, view, lamps, shade, gloss, strength, colour):
         colour[k] += grazing * strength * shade * f32(0.22) * vertex[IRRADIANCE + k]
 
 
-@kernel(fastmath=FAST)
+@kernel(fastmath=FAST, forceinline=True)
 def add_hair_highlights(vertex, view, lamps, shade, tint, colour):
     """Add the two highlights of hair, of which the tangent stands in the normal's place.
 
@@ -163,7 +163,7 @@ def add_hair_highlights(vertex, view, lamps, shade, tint, colour):
             colour[k] += shade * lamps[i, 3 + k] * (f32(0.022) * white + f32(0.22) * coloured * tint[k])
 
 
-@kernel(fastmath=FAST)
+@kernel(fastmath=FAST, forceinline=True)
 def paint_surface_sample(vertex, kind, iris, shirt, albedo):
     """Give `vertex` a unit normal and `albedo` (3,) its fine detail; return gloss and strength of highlights."""
     length = np.sqrt(vertex[NORMAL] ** 2 + vertex[NORMAL + 1] ** 2 + vertex[NORMAL + 2] ** 2)
@@ -182,7 +182,7 @@ def paint_surface_sample(vertex, kind, iris, shirt, albedo):
     return vertex[GLOSS], strength
 
 
-@kernel(fastmath=FAST)
+@kernel(fastmath=FAST, forceinline=True)
 def shade_sample(vertex, kind, back, lamps, iris, shirt, centre, view, albedo, colour):
     """Fill `colour` (3,), linear RGB between 0 and 1, of one interpolated vertex."""
     vx, vy, vz = centre[0] - vertex[0], centre[1] - vertex[1], centre[2] - vertex[2]

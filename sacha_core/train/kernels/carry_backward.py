@@ -17,7 +17,7 @@ FAST = {"contract", "nsz", "arcp", "reassoc"}
 SMALLEST_SQUARE = 1e-24  # of a quaternion, as `geometry.quaternion` has it
 
 
-@kernel(error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST, forceinline=True)
 def carry_backward(  # noqa: PLR0915 - one loop, whose sums live in registers
     start, stop, first_row, seen, quaternion, means, scales, turned, g_means, g_scales, g_turned,
     vertices, faces, f_rotation, f_scale, f_origin, with_mesh,

@@ -14,7 +14,7 @@ from sacha_core.parallel.kernels.kernel import kernel
 FAST = {"contract", "nsz", "arcp", "reassoc"}
 
 
-@kernel(error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST, forceinline=True)
 def skin_backward(
     start, stop, corners, first_corner, g_corners, unposed, weights, transforms, g_unposed, g_transforms, g_translation
 ):
@@ -62,7 +62,7 @@ def skin_backward(
         g_translation[2] += gz
 
 
-@kernel(error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST, forceinline=True)
 def project(first, directions, moves, rows, gradient, out):
     """Write the products of directions (k, 3 v), from the coordinate `first` on, with a block's gradient; four at a time.
 

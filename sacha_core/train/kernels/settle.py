@@ -53,7 +53,7 @@ def note_view(
         out[i] += basis * flat[i]
 
 
-@kernel(error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST, forceinline=True)
 def penalise(
     start, stop, position, scales, f_scale, binding, shares, position_limit, scale_limit, position_weight, scale_weight,
     g_position, g_log_scale,
@@ -109,14 +109,14 @@ def penalise(
     return strayed, swollen
 
 
-@kernel(error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST, forceinline=True)
 def through_sigmoid(activated, slopes, out):
     """Write the gradient by a logit from that by its sigmoid; all (n,)."""
     for i in range(len(out)):
         out[i] = slopes[i] * activated[i] * (np.float32(1) - activated[i])
 
 
-@kernel(error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST, forceinline=True)
 def sound(values, largest):
     """Tell whether no number of an array's rows is larger than `largest` or none at all."""
     flat, wrong = values.reshape(values.size), 0
