@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
@@ -33,7 +33,7 @@ from sacha_core.codec.template import Template, template_of, unknown_template
 from sacha_core.errors import FormatError, HeadError, OptionError
 from sacha_core.flame.model import HeadModel
 
-__all__ = ["GROUP_FRAMES", "encode"]
+__all__ = ["GROUP_FRAMES", "encode", "encode_traced"]
 
 GROUP_FRAMES = 100  # 4 s at 25 frames a second
 VISIBLE = np.log((1 / 255) / (1 - 1 / 255))  # rasterisers skip what covers less than one step of 8 bits
@@ -74,6 +74,29 @@ def encode(
         HeadError: `head` is not the one that the avatar names, or is missing where it shall be embedded.
         OptionError: an option is out of range.
     """
+    coded, _ = encode_traced(
+        avatar,
+        level,
+        head=head,
+        embed_head=embed_head,
+        drop_invisible=drop_invisible,
+        group_frames=group_frames,
+        importance=importance,
+    )
+    return coded
+
+
+def encode_traced(
+    avatar: Avatar,
+    level: int | Level = 2,
+    *,
+    head: HeadModel | None = None,
+    embed_head: bool = False,
+    drop_invisible: bool = True,
+    group_frames: int = GROUP_FRAMES,
+    importance: GaussianImportance | None = None,
+) -> tuple[bytes, Int[np.ndarray, " m"]]:
+    """Compress an avatar as `encode` does; give the bytes, and which of its Gaussians each of the m decoded ones is."""
     chosen = level if isinstance(level, Level) else level_named(level)
     if not 1 <= group_frames <= 65535:
         raise OptionError(f"group_frames is {group_frames}, expected 1 to 65535")
@@ -89,7 +112,7 @@ def encode(
     gaussians = gaussians.select(keep)
     importance = None if importance is None else importance.select(keep)
     template = template_of(head.v_template, head.faces) if head else unknown_template(avatar.head.n_faces)
-    sections = encode_gaussians(gaussians, template, chosen, importance)
+    sections, order = encode_gaussians(gaussians, template, chosen, importance)
     made = (chosen.number, len(gaussians), gaussians.sh_degree, avatar.head, avatar.scheme)
     header = Header(*made, needs_head=head is not None)
     if avatar.motion is not None:
@@ -97,7 +120,7 @@ def encode(
         sections = [motion_sections[0], *sections, motion_sections[1]]
     if embed_head and head is not None:
         sections.append(Section("head", encode_head(head)))
-    return pack_sections(pad([Section("Header", header.pack()), *sections], header))
+    return pack_sections(pad([Section("Header", header.pack()), *sections], header)), np.flatnonzero(keep)[order]
 
 
 def check_head(avatar: Avatar, head: HeadModel | None, embed_head: bool) -> None:
@@ -135,8 +158,8 @@ def check_range(gaussians: Gaussians, keep: Bool[np.ndarray, " n"]) -> None:
 
 def encode_gaussians(
     gaussians: Gaussians, template: Template, level: Level, importance: GaussianImportance | None = None
-) -> list[Section]:
-    """Code all attributes, each after those that its steps follow."""
+) -> tuple[list[Section], Int[np.ndarray, " n"]]:
+    """Code all attributes, each after those that its steps follow; give the sections, and the row of each Gaussian in coding order."""
     index = opacity_index(gaussians.opacity_logit, level.opacity_steps)
     if importance is not None:
         importance = importance.with_axes(np.argsort(-gaussians.log_scale, axis=1, kind="stable"))
@@ -171,7 +194,7 @@ def encode_gaussians(
     if gaussians.sh_degree:
         coded = encode_harmonics(gaussians.sh_rest, classes, harmonic_rules, rules.HARMONIC_DEAD_ZONE)[0]
         sections.append(Section("Harmonic", coded))
-    return sections
+    return sections, order
 
 
 def finer(rule: StepRule, exponent: int) -> StepRule:
