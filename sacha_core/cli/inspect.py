@@ -21,6 +21,7 @@ INPUTS = ("file",)
 MEANINGS = {  # of the sections that this version writes
     "Header": "what the file holds",
     "Counts": "Gaussians on each triangle",
+    "Hidden": "how hidden each is",
     "Opacity": "opacities",
     "Scale": "sizes",
     "Rotation": "rotations",
@@ -135,6 +136,9 @@ def _density(name: str, n_bytes: int, found: Inspection) -> str:
     """Say what one Gaussian or one frame costs in a section."""
     if name == "Motion" and found.n_frames:
         return f"{n_bytes / found.n_frames:.1f} B/frame"
-    if name in {"Counts", "Opacity", "Scale", "Rotation", "Position", "Colour", "Harmonic"} and found.n_gaussians:
+    if (
+        name in {"Counts", "Hidden", "Opacity", "Scale", "Rotation", "Position", "Colour", "Harmonic"}
+        and found.n_gaussians
+    ):
         return f"{8 * n_bytes / found.n_gaussians:.1f} bit"
     return ""

@@ -20,12 +20,13 @@ from sacha_core.codec.counts import decode_counts
 from sacha_core.codec.harmonics import decode_harmonics
 from sacha_core.codec.head import decode_head
 from sacha_core.codec.header import ARCHIVE, Header
+from sacha_core.codec.hidden import decode_hidden
 from sacha_core.codec.motion import MotionReader
 from sacha_core.codec.opacity import decode_opacity
 from sacha_core.codec.order import Layout
 from sacha_core.codec.position import decode_position
 from sacha_core.codec.rotation import decode_rotation
-from sacha_core.codec.scale import classes_of, decode_scale
+from sacha_core.codec.scale import classes_of, decode_scale, known_classes
 from sacha_core.codec.sections import need, sections_of
 from sacha_core.codec.static import decode_static
 from sacha_core.codec.template import Template, template_of, unknown_template
@@ -151,10 +152,11 @@ def decode_gaussians(sections: dict[str, Section], header: Header, template: Tem
     """Decode all attributes, each after those that its steps follow."""
     counts = decode_counts(need(sections, "Counts").reader(), template.order, header.n_gaussians)
     layout = Layout(counts, template)
-    index, table = decode_opacity(need(sections, "Opacity").reader(), layout)
-    transparency = table.transparency[index]
-    log_scale, scale = decode_scale(need(sections, "Scale").reader(), layout, transparency)
-    classes = classes_of(transparency, scale)
+    hidden = decode_hidden(need(sections, "Hidden").reader(), layout)
+    index, table = decode_opacity(need(sections, "Opacity").reader(), layout, hidden)
+    known = known_classes(table.transparency[index], hidden)
+    log_scale, scale = decode_scale(need(sections, "Scale").reader(), layout, known)
+    classes = classes_of(known, scale)
     n, k = header.n_gaussians, header.n_harmonics
     sh_rest = np.zeros((n, 0, 3), np.float32)
     if k:

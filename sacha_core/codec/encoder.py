@@ -13,12 +13,14 @@ from jaxtyping import Bool, Float, Int
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.codec import levels as rules
+from sacha_core.codec.choice import Worth
 from sacha_core.codec.colour import encode_colour
 from sacha_core.codec.container import Section, pack_sections
 from sacha_core.codec.counts import encode_counts
 from sacha_core.codec.harmonics import encode_harmonics
 from sacha_core.codec.head import encode_head
 from sacha_core.codec.header import Header
+from sacha_core.codec.hidden import encode_hidden
 from sacha_core.codec.importance import GaussianImportance
 from sacha_core.codec.levels import Level, level_named
 from sacha_core.codec.motion import encode_motion
@@ -26,7 +28,7 @@ from sacha_core.codec.opacity import encode_opacity, opacity_index, opacity_tabl
 from sacha_core.codec.order import Layout
 from sacha_core.codec.position import encode_position
 from sacha_core.codec.rotation import encode_rotation, sort_axes
-from sacha_core.codec.scale import classes_of, encode_scale
+from sacha_core.codec.scale import classes_of, encode_scale, known_classes
 from sacha_core.codec.static import encode_static
 from sacha_core.codec.steps import StepRule
 from sacha_core.codec.template import Template, template_of, unknown_template
@@ -170,11 +172,14 @@ def encode_gaussians(
     gaussians, index, log_scale, quaternion = gaussians.select(order), index[order], log_scale[order], quaternion[order]
     importance = None if importance is None else importance.select(order)
     layout = Layout(np.bincount(place, minlength=len(template.order)).astype(np.int64), template)
-    transparency = opacity_table(level.opacity_steps).transparency[index]
+    hidden = np.zeros(len(index), np.int64)
+    opacity, index = encode_opacity(layout, index, level.opacity_steps, hidden, 0)
+    known = known_classes(opacity_table(level.opacity_steps).transparency[index], hidden)
 
     scale_rules = tuple(finer(rule, level.exponent("scale")) for rule in rules.SCALE_RULES)
-    scale, scale_values = encode_scale(layout, log_scale, transparency, scale_rules)
-    classes = classes_of(transparency, scale_values)
+    worth = Worth(level.lagrangian)
+    scale, scale_values = encode_scale(layout, log_scale, known, scale_rules, worth)
+    classes = classes_of(known, scale_values)
     reference = int(np.median(classes.size)) if len(index) else 0
 
     def sized(rule: StepRule, attribute: str) -> StepRule:
@@ -185,11 +190,12 @@ def encode_gaussians(
     harmonic_rules = tuple(sized(rule, "harmonic") for rule in rules.HARMONIC_RULES)
     sections = [
         Section("Counts", encode_counts(layout.counts, template.order)),
-        Section("Opacity", encode_opacity(layout, index, level.opacity_steps)),
+        Section("Hidden", encode_hidden(layout, hidden)),
+        Section("Opacity", opacity),
         Section("Scale", scale),
-        Section("Rotation", encode_rotation(layout, quaternion, classes, rotation_rule)[0]),
-        Section("Position", encode_position(layout, gaussians.position, classes, position_rule)[0]),
-        Section("Colour", encode_colour(layout, gaussians.sh_dc, classes, colour_rules)[0]),
+        Section("Rotation", encode_rotation(layout, quaternion, classes, rotation_rule, worth)[0]),
+        Section("Position", encode_position(layout, gaussians.position, classes, position_rule, worth)[0]),
+        Section("Colour", encode_colour(layout, gaussians.sh_dc, classes, colour_rules, worth)[0]),
     ]
     if gaussians.sh_degree:
         coded = encode_harmonics(gaussians.sh_rest, classes, harmonic_rules, rules.HARMONIC_DEAD_ZONE)[0]

@@ -17,11 +17,14 @@ from jaxtyping import Float, Int
 
 from sacha_core.codec.order import KINDS, MATES, Layout, Pass, weighted_mean
 from sacha_core.codec.reading import ByteReader
+from sacha_core.codec.steps import MAX_EXPONENT, STEPS
 from sacha_core.codec.symbols import SymbolReader, SymbolWriter
 
 __all__ = ["MAX_STEPS", "OpacityTable", "decode_opacity", "encode_opacity", "opacity_index", "opacity_table"]
 
 MAX_STEPS = 1024
+SPACINGS = 4
+OCTAVES = np.array([2, 4, 8], np.int64)
 CLASSES = 16  # contexts by the opacity that a Gaussian is predicted from
 MAX_TRANSPARENCY = 24
 DIGITS = 40
@@ -82,9 +85,18 @@ def expected_first(step: Pass, index: Int[np.ndarray, " n"], start: int) -> Int[
     return np.where(step.trust.any(axis=1), weighted_mean(index, step.near, step.trust), start)
 
 
-def contexts_of(step: Pass, expected: Int[np.ndarray, " p"], n_steps: int) -> Int[np.ndarray, " p"]:
-    """Context of each Gaussian: kind of pass, and the opacity that it is predicted from."""
-    return np.asarray(step.kind * CLASSES + np.minimum(expected * CLASSES // n_steps, CLASSES - 1))
+def spacing_of(hidden: Int[np.ndarray, " n"], weight: int, n_steps: int) -> Int[np.ndarray, " n"]:
+    """How many indices one level of each Gaussian spans: more for what is hidden."""
+    return np.asarray(np.minimum(STEPS[np.minimum(hidden * weight, MAX_EXPONENT)], n_steps))
+
+
+def contexts_of(
+    step: Pass, expected: Int[np.ndarray, " p"], spacing: Int[np.ndarray, " p"], n_steps: int
+) -> Int[np.ndarray, " p"]:
+    """Context of each Gaussian: kind of pass, the opacity that it is predicted from, octave of its spacing."""
+    octave = np.minimum(np.searchsorted(OCTAVES, spacing, side="right"), SPACINGS - 1)
+    nearby = np.clip(expected * CLASSES // n_steps, 0, CLASSES - 1)
+    return np.asarray((step.kind * SPACINGS + octave) * CLASSES + nearby)
 
 
 def known_mate(step: Pass, index: Int[np.ndarray, " n"]) -> Int[np.ndarray, " p"]:
@@ -98,40 +110,61 @@ def run_starts(step: Pass) -> Int[np.ndarray, " p"]:
     return np.maximum.accumulate(np.where(new, np.arange(len(new)), 0))
 
 
-def encode_opacity(layout: Layout, index: Int[np.ndarray, " n"], n_steps: int) -> bytes:
-    """Code opacity indices, which fall inside each triangle."""
+def encode_opacity(
+    layout: Layout, index: Int[np.ndarray, " n"], n_steps: int, hidden: Int[np.ndarray, " n"], hidden_weight: int = 0
+) -> tuple[bytes, Int[np.ndarray, " n"]]:
+    """Code opacity indices, which fall inside each triangle; give the section and the indices as decoded."""
     start = int(np.median(index[layout.firsts])) if len(index) else 0
-    writer = SymbolWriter(KINDS * CLASSES)
+    spacing = spacing_of(hidden, hidden_weight, n_steps)
+    writer = SymbolWriter(KINDS * SPACINGS * CLASSES)
+    decoded = np.zeros_like(index)
     for step in layout.passes:
-        if step.kind == MATES:
-            known = known_mate(step, index)
-            writer.write(index[step.rows - 1] - index[step.rows], contexts_of(step, known, n_steps))
-        else:
-            expected = expected_first(step, index, start)
-            writer.write(index[step.rows] - expected, contexts_of(step, expected, n_steps))
-    return struct.pack("<HH", n_steps, start) + writer.finish()
+        expected = known_mate(step, decoded) if step.kind == MATES else expected_first(step, decoded, start)
+        levels = np.zeros(len(step.rows), np.int64)
+        lowest = step.rank.min()
+        for rank in range(lowest, step.rank.max() + 1):
+            mine = step.rank == rank
+            rows = step.rows[mine]
+            before = expected[mine] if rank == lowest else decoded[rows - 1]
+            levels[mine] = nearest_level(index[rows] - before, before, spacing[rows], n_steps)
+            decoded[rows] = before + levels[mine] * spacing[rows]
+        falls = -levels if step.kind == MATES else levels
+        writer.write(falls, contexts_of(step, expected, spacing[step.rows], n_steps))
+    return struct.pack("<HHB", n_steps, start, hidden_weight) + writer.finish(), decoded
 
 
-def decode_opacity(reader: ByteReader, layout: Layout) -> tuple[Int[np.ndarray, " n"], OpacityTable]:
+def nearest_level(
+    away: Int[np.ndarray, " p"], before: Int[np.ndarray, " p"], spacing: Int[np.ndarray, " p"], n_steps: int
+) -> Int[np.ndarray, " p"]:
+    """Give the nearest level that stays inside the table."""
+    level = np.rint(away / spacing).astype(np.int64)
+    return np.asarray(np.clip(level, -(before // spacing), (n_steps - before) // spacing))
+
+
+def decode_opacity(
+    reader: ByteReader, layout: Layout, hidden: Int[np.ndarray, " n"]
+) -> tuple[Int[np.ndarray, " n"], OpacityTable]:
     """Read opacity indices and the table that they point into.
 
     Raises:
         FormatError: an index lies outside the table.
     """
-    n_steps, start = reader.unpack("HH")
+    n_steps, start, hidden_weight = reader.unpack("HHB")
     if not (1 <= n_steps <= MAX_STEPS and start <= n_steps):
         raise reader.error(f"{n_steps} opacity steps, the middle one {start}; expected 1 to {MAX_STEPS}")
     index = np.zeros(len(layout.slots), np.int64)
-    symbols = SymbolReader(reader, KINDS * CLASSES)
+    spacing = spacing_of(hidden, hidden_weight, n_steps)
+    symbols = SymbolReader(reader, KINDS * SPACINGS * CLASSES)
     for step in layout.passes:
+        wide = spacing[step.rows]
         if step.kind == MATES:
             known = known_mate(step, index)
-            fall = np.cumsum(symbols.read(contexts_of(step, known, n_steps)))
+            fall = np.cumsum(symbols.read(contexts_of(step, known, wide, n_steps)) * wide)
             begin = run_starts(step)
             index[step.rows] = known - (fall - np.where(begin > 0, fall[begin - 1], 0))
         else:
             expected = expected_first(step, index, start)
-            index[step.rows] = expected + symbols.read(contexts_of(step, expected, n_steps))
+            index[step.rows] = expected + symbols.read(contexts_of(step, expected, wide, n_steps)) * wide
         if index[step.rows].min() < 0 or index[step.rows].max() > n_steps:
             raise reader.error(f"an opacity index outside 0 to {n_steps}")
     symbols.check_end()

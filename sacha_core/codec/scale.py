@@ -9,6 +9,7 @@ Source: own.
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -19,7 +20,7 @@ from sacha_core.codec.predicted import decode_predicted, encode_predicted
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import Classes, StepRule, dequantise
 
-__all__ = ["classes_of", "decode_scale", "encode_scale"]
+__all__ = ["classes_of", "decode_scale", "encode_scale", "known_classes"]
 
 UNIT = 2.0**-12  # of a natural logarithm
 HALF_OCTAVES = 189093  # 2 / ln 2 in 16 fractional bits: half octaves in a natural logarithm
@@ -27,17 +28,17 @@ HALF_OCTAVE_SHIFT = 28
 NATURAL = 363409  # a half octave, ln 2 / 2, in 256ths of `UNIT`
 
 
-def transparency_only(transparency: Int[np.ndarray, " n"]) -> Classes:
+def known_classes(transparency: Int[np.ndarray, " n"], hidden: Int[np.ndarray, " n"]) -> Classes:
     """Classes as far as they are known before scales are."""
     zero = np.zeros_like(transparency)
-    return Classes(transparency, zero, zero)
+    return Classes(transparency, zero, zero, hidden)
 
 
-def classes_of(transparency: Int[np.ndarray, " n"], scale: Int[np.ndarray, "n 3"]) -> Classes:
-    """Classes from decoded opacity and decoded scales (integers in `UNIT`, largest first)."""
+def classes_of(known: Classes, scale: Int[np.ndarray, "n 3"]) -> Classes:
+    """Classes from those known before and decoded scales (integers in `UNIT`, largest first)."""
     size = ((scale[:, 0] + scale[:, 1]) * HALF_OCTAVES) >> (HALF_OCTAVE_SHIFT + 1)
     elongation = np.maximum((scale[:, 0] - scale[:, 1]) * HALF_OCTAVES >> HALF_OCTAVE_SHIFT, 0)
-    return Classes(transparency, size, elongation)
+    return replace(known, size=size, elongation=elongation)
 
 
 def triangle_log_size(layout: Layout) -> Int[np.ndarray, " n"]:
@@ -48,7 +49,7 @@ def triangle_log_size(layout: Layout) -> Int[np.ndarray, " n"]:
 def encode_scale(
     layout: Layout,
     log_scale: Float[np.ndarray, "n 3"],
-    transparency: Int[np.ndarray, " n"],
+    classes: Classes,
     rules: tuple[StepRule, ...],
     worth: Worth = PLAIN,
 ) -> tuple[bytes, Int[np.ndarray, "n 3"]]:
@@ -58,7 +59,6 @@ def encode_scale(
         The section and the integers that the decoder will have.
     """
     values = np.rint(log_scale.astype(np.float64) / UNIT).astype(np.int64) + triangle_log_size(layout)[:, None]
-    classes = transparency_only(transparency)
     above = np.zeros(len(values), np.int64)
     parts, columns = [], []
     for axis, rule in enumerate(rules):
@@ -71,15 +71,14 @@ def encode_scale(
 
 
 def decode_scale(
-    reader: ByteReader, layout: Layout, transparency: Int[np.ndarray, " n"]
+    reader: ByteReader, layout: Layout, classes: Classes
 ) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "n 3"]]:
     """Read log-scales: as float32, and as the integers that steps of further attributes follow.
 
     Raises:
         FormatError: the bytes are not what an encoder writes.
     """
-    classes = transparency_only(transparency)
-    above = np.zeros(len(transparency), np.int64)
+    above = np.zeros(len(layout.slots), np.int64)
     columns = []
     for axis in range(3):
         rule = StepRule.unpack(reader)

@@ -8,8 +8,8 @@ from sacha_core.errors import FormatError
 __all__ = ["KNOWN", "need", "sections_of"]
 
 KNOWN = (
-    "Header", "Static", "Counts", "Opacity", "Scale", "Rotation", "Position", "Colour", "Harmonic", "Motion", "Binding", "Sensitiv",
-    "Geometry", "Tool",
+    "Header", "Static", "Counts", "Hidden", "Opacity", "Scale", "Rotation", "Position", "Colour", "Harmonic", "Motion", "Binding",
+    "Sensitiv", "Geometry", "Tool",
 )  # fmt: skip
 
 

@@ -1,8 +1,8 @@
 r"""Quantiser steps, and how they follow what a Gaussian contributes to a picture.
 
 All values are integers in a fine unit. Steps are $\lfloor 2^{e/8}\rfloor$ units for an exponent e, an eighth of an octave apart. A rule
-gives the exponent of each Gaussian from three *classes* that the decoder knows by then, all in half octaves: how transparent it is,
-how small, how elongated. Everything is integer arithmetic, so that both sides agree on every machine.
+gives the exponent of each Gaussian from four *classes* that the decoder knows by then: how transparent it is, how small, how elongated,
+all in half octaves, and how hidden, of which the encoder tells. Everything is integer arithmetic, the same on every machine.
 
 Source: own; an error in an attribute shows in proportion to opacity and to the root of the area.
 """
@@ -18,27 +18,30 @@ from jaxtyping import Float, Int
 
 from sacha_core.codec.reading import ByteReader
 
-__all__ = ["MAX_EXPONENT", "PER_OCTAVE", "STEPS", "Classes", "StepRule", "dequantise", "quantise"]
+__all__ = ["MAX_EXPONENT", "MAX_HIDDEN", "PER_OCTAVE", "STEPS", "Classes", "StepRule", "dequantise", "quantise"]
 
 PER_OCTAVE = 8
+MAX_HIDDEN = 15
 MAX_EXPONENT = 24 * PER_OCTAVE - 1
 STEPS = np.array([math.isqrt(math.isqrt(math.isqrt(1 << e))) for e in range(MAX_EXPONENT + 1)], np.int64)
-LAYOUT = "5bBB"
+LAYOUT = "5bBBB"
 
 
 @dataclass(frozen=True)
 class Classes:
-    """What steps depend on: one integer a Gaussian each, in half octaves.
+    """What steps depend on: one integer a Gaussian each.
 
     Args:
-        transparency: (n,) of 1 / opacity, 0 or more.
-        size: (n,) of the root of the product of the two larger scales.
-        elongation: (n,) of the largest over the second scale, 0 or more.
+        transparency: (n,) half octaves of 1 / opacity, 0 or more.
+        size: (n,) half octaves of the root of the product of the two larger scales.
+        elongation: (n,) half octaves of the largest over the second scale, 0 or more.
+        hidden: (n,) how little of it is seen, 0 (as much as the other classes lead to expect) to `MAX_HIDDEN`.
     """
 
     transparency: Int[np.ndarray, " n"]
     size: Int[np.ndarray, " n"]
     elongation: Int[np.ndarray, " n"]
+    hidden: Int[np.ndarray, " n"]
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,7 @@ class StepRule:
         low: the least that the classes may add to the exponent, eighths of an octave.
         high: the most that they may add.
         base: exponent of a Gaussian to which the classes add nothing.
+        hidden: weight of that class, 0 or more: what is hidden gets coarse steps.
     """
 
     transparency: int
@@ -62,11 +66,13 @@ class StepRule:
     low: int
     high: int
     base: int
+    hidden: int = 0
 
     def shift(self, classes: Classes) -> Int[np.ndarray, " n"]:
         """What the classes add to the exponent of each Gaussian."""
         total = self.transparency * classes.transparency + self.size * (self.reference - classes.size)
-        return np.asarray(np.clip(total - self.elongation * classes.elongation, self.low, self.high))
+        total += self.hidden * classes.hidden - self.elongation * classes.elongation
+        return np.asarray(np.clip(total, self.low, self.high))
 
     @property
     def n_step_classes(self) -> int:
@@ -82,7 +88,7 @@ class StepRule:
         return np.asarray(STEPS[self.base + self.shift(classes)])
 
     def pack(self) -> bytes:
-        """Write the rule in 7 bytes."""
+        """Write the rule in 8 bytes."""
         return struct.pack("<" + LAYOUT, *astuple(self))
 
     @classmethod

@@ -20,6 +20,7 @@ NAMES = (
     "Header",
     "Static",
     "Counts",
+    "Hidden",
     "Opacity",
     "Scale",
     "Rotation",

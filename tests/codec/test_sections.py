@@ -13,13 +13,14 @@ from scipy.spatial.transform import Rotation
 from sacha_core.codec.colour import decode_colour, encode_colour, yuv_to_rgb
 from sacha_core.codec.counts import decode_counts, encode_counts
 from sacha_core.codec.harmonics import decode_harmonics, encode_harmonics
+from sacha_core.codec.hidden import decode_hidden, encode_hidden
 from sacha_core.codec.levels import COLOUR_RULES, HARMONIC_RULES, POSITION_RULE, ROTATION_RULE, SCALE_RULES
 from sacha_core.codec.opacity import decode_opacity, encode_opacity, opacity_index, opacity_table
 from sacha_core.codec.order import Layout
 from sacha_core.codec.position import decode_position, encode_position
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.rotation import decode_rotation, encode_rotation, rotation_vector, sort_axes
-from sacha_core.codec.scale import classes_of, decode_scale, encode_scale
+from sacha_core.codec.scale import classes_of, decode_scale, encode_scale, known_classes
 from sacha_core.codec.static import decode_static, encode_static
 from sacha_core.codec.steps import MAX_EXPONENT, STEPS, Classes, StepRule, quantise
 from sacha_core.codec.template import Template
@@ -41,7 +42,7 @@ def layout_of(counts: list[int], seed: int = 0) -> Layout:
 
 def classes_for(n: int, seed: int = 0) -> Classes:
     rng = np.random.default_rng(seed)
-    return Classes(rng.integers(0, 25, n), rng.integers(-60, 20, n), rng.integers(0, 12, n))
+    return Classes(rng.integers(0, 25, n), rng.integers(-60, 20, n), rng.integers(0, 12, n), rng.integers(0, 5, n))
 
 
 def reader(data: bytes) -> ByteReader:
@@ -58,13 +59,18 @@ def test_counts(counts, seed):
         decode_counts(reader(data), order, sum(counts) + 1)
 
 
-@given(counts_lists, st.sampled_from([1, 2, 24, 1024]), st.integers(0, 100))
-def test_opacity(counts, n_steps, seed):
+@given(counts_lists, st.sampled_from([1, 2, 24, 1024]), st.sampled_from([0, 5, 60]), st.integers(0, 100))
+def test_opacity(counts, n_steps, hidden_weight, seed):
     layout = layout_of(counts)
-    index = np.random.default_rng(seed).integers(0, n_steps + 1, sum(counts))
+    rng = np.random.default_rng(seed)
+    index, hidden = rng.integers(0, n_steps + 1, sum(counts)), rng.integers(0, 4, sum(counts))
     index = index[np.lexsort((-index, layout.slots))]
-    decoded, table = decode_opacity(reader(encode_opacity(layout, index, n_steps)), layout)
-    assert np.array_equal(decoded, index)
+    data, expected = encode_opacity(layout, index, n_steps, hidden, hidden_weight)
+    decoded, table = decode_opacity(reader(data), layout, hidden)
+    assert np.array_equal(decoded, expected)
+    spacing = np.minimum(STEPS[hidden * hidden_weight], n_steps)
+    assert (np.abs(decoded - index)[spacing == 1] == 0).all()
+    assert (np.abs(decoded - index) < np.maximum(spacing, 1)).all()  # half a spacing, or all of it at the table's ends
     assert len(table.logit) == n_steps + 1
 
 
@@ -96,16 +102,31 @@ def test_opacity_index_is_the_nearest(logits, n_steps):
     assert np.abs(index - angle).max() <= 0.5 + 1e-6
 
 
+@given(counts_lists, st.integers(0, 15), st.integers(0, 50))
+def test_hidden(counts, most, seed):
+    layout = layout_of(counts)
+    hidden = np.random.default_rng(seed).integers(0, most + 1, sum(counts))
+    assert np.array_equal(decode_hidden(reader(encode_hidden(layout, hidden)), layout), hidden)
+
+
+def test_class_out_of_range_is_refused():
+    layout = layout_of([3])
+    data = encode_hidden(layout, np.array([1, 16, 2]))
+    with pytest.raises(FormatError, match="outside 0 to 15"):
+        decode_hidden(reader(data), layout)
+
+
 @given(counts_lists, st.floats(0.0, 8.0), st.integers(0, 50))
 def test_scale(counts, spread, seed):
     layout = layout_of(counts, seed)
     rng = np.random.default_rng(seed)
     log_scale = -np.sort(-rng.normal(-3, spread, (sum(counts), 3)), axis=1)
     transparency = rng.integers(0, 25, sum(counts))
-    data, expected = encode_scale(layout, log_scale, transparency, SCALE_RULES)
-    decoded, integers = decode_scale(reader(data), layout, transparency)
+    known = known_classes(transparency, rng.integers(0, 16, sum(counts)))
+    data, expected = encode_scale(layout, log_scale, known, SCALE_RULES)
+    decoded, integers = decode_scale(reader(data), layout, known)
     assert np.array_equal(integers, expected)
-    step = np.stack([rule.steps(Classes(transparency, transparency * 0, transparency * 0)) for rule in SCALE_RULES], 1)
+    step = np.stack([rule.steps(known) for rule in SCALE_RULES], 1)
     # the integer of each axis is within half a step, half a unit of rounding apart; decoding rounds to float32
     assert (np.abs(decoded - log_scale) <= (step / 2 + 2.5) * 2.0**-12 + FLOAT32_ROUNDING * np.abs(log_scale)).all()
 
@@ -202,7 +223,9 @@ def test_quantise_takes_the_nearest_level_but_for_the_dead_zone(residual, expone
 def test_half_octaves_of_size():
     """Doubling both larger scales moves the class by two."""
     log_scale = np.log([[1.0, 1.0, 0.1], [2.0, 2.0, 0.1], [4.0, 1.0, 0.1]])
-    classes = classes_of(np.zeros(3, np.int64), np.rint(log_scale * 4096).astype(np.int64))
+    classes = classes_of(
+        known_classes(np.zeros(3, np.int64), np.zeros(3, np.int64)), np.rint(log_scale * 4096).astype(np.int64)
+    )
     assert np.abs(classes.size - [0, 2, 2]).max() <= 1
     assert np.abs(classes.elongation - [0, 0, 4]).max() <= 1
 
