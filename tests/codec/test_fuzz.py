@@ -83,7 +83,7 @@ def test_resealed_cuts_and_additions_of_a_section(sections, name):
     body = next(s.data for s in sections if s.name == name)
     rng = np.random.default_rng(NAMES.index(name) + 50)
     lengths = [0, 1, len(body) - 1, *rng.integers(0, len(body), 6).tolist()]
-    for length in lengths:
+    for length in (length for length in lengths if length < len(body)):
         decoded = attempt(replaced(sections, name, body[:length]))
         assert not decoded or name in ADAPTIVE
     assert not attempt(replaced(sections, name, body + b"\1" * 8))
