@@ -16,14 +16,13 @@ from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.codec.archive import decode_archive, decode_archive_motion
 from sacha_core.codec.colour import decode_colour
 from sacha_core.codec.container import MAGIC, Section
-from sacha_core.codec.counts import decode_counts
+from sacha_core.codec.counts import decode_layout
 from sacha_core.codec.harmonics import decode_harmonics
 from sacha_core.codec.head import decode_head
 from sacha_core.codec.header import ARCHIVE, Header
 from sacha_core.codec.hidden import decode_hidden
 from sacha_core.codec.motion import MotionReader
 from sacha_core.codec.opacity import decode_opacity
-from sacha_core.codec.order import Layout
 from sacha_core.codec.position import decode_position
 from sacha_core.codec.rotation import decode_rotation
 from sacha_core.codec.scale import classes_of, decode_scale, known_classes
@@ -150,8 +149,7 @@ def find_template(sections: dict[str, Section], header: Header, head: HeadModel 
 
 def decode_gaussians(sections: dict[str, Section], header: Header, template: Template) -> Gaussians:
     """Decode all attributes, each after those that its steps follow."""
-    counts = decode_counts(need(sections, "Counts").reader(), template.order, header.n_gaussians)
-    layout = Layout(counts, template)
+    layout = decode_layout(need(sections, "Counts").reader(), template, header.n_gaussians)
     hidden = decode_hidden(need(sections, "Hidden").reader(), layout)
     index, table = decode_opacity(need(sections, "Opacity").reader(), layout, hidden)
     known = known_classes(table.transparency[index], hidden)

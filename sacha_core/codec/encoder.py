@@ -13,10 +13,11 @@ from jaxtyping import Bool, Float, Int
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.codec import levels as rules
+from sacha_core.codec.anchors import match_vertices
 from sacha_core.codec.choice import Worth
 from sacha_core.codec.colour import encode_colour
 from sacha_core.codec.container import Section, pack_sections
-from sacha_core.codec.counts import encode_counts
+from sacha_core.codec.counts import encode_layout
 from sacha_core.codec.harmonics import encode_harmonics
 from sacha_core.codec.head import encode_head
 from sacha_core.codec.header import Header
@@ -25,7 +26,7 @@ from sacha_core.codec.importance import GaussianImportance
 from sacha_core.codec.levels import Level, level_named
 from sacha_core.codec.motion import encode_motion
 from sacha_core.codec.opacity import encode_opacity, opacity_index, opacity_table
-from sacha_core.codec.order import Layout
+from sacha_core.codec.order import layout_by_triangle, layout_by_vertex
 from sacha_core.codec.position import encode_position
 from sacha_core.codec.rotation import encode_rotation, sort_axes
 from sacha_core.codec.scale import classes_of, encode_scale, known_classes
@@ -167,11 +168,12 @@ def encode_gaussians(
         importance = importance.with_axes(np.argsort(-gaussians.log_scale, axis=1, kind="stable"))
     log_scale, quaternion = sort_axes(gaussians.log_scale, gaussians.quaternion)
     log_scale = raise_thin_axes(log_scale, level.max_thinness)
-    place = np.argsort(template.order)[gaussians.binding]
+    place, by_vertex = places_of(gaussians.binding, template)
     order = np.lexsort((*gaussians.position.T, *log_scale.T[::-1], -index, place))
     gaussians, index, log_scale, quaternion = gaussians.select(order), index[order], log_scale[order], quaternion[order]
     importance = None if importance is None else importance.select(order)
-    layout = Layout(np.bincount(place, minlength=len(template.order)).astype(np.int64), template)
+    numbers = np.bincount(place, minlength=len(template.vertices if by_vertex else template.triangles)).astype(np.int64)
+    layout = layout_by_vertex(numbers > 0, template) if by_vertex else layout_by_triangle(numbers, template)
     hidden = np.zeros(len(index), np.int64)
     opacity, index = encode_opacity(layout, index, level.opacity_steps, hidden, 0)
     known = known_classes(opacity_table(level.opacity_steps).transparency[index], hidden)
@@ -189,7 +191,7 @@ def encode_gaussians(
     colour_rules = tuple(sized(rule, "colour") for rule in rules.COLOUR_RULES)
     harmonic_rules = tuple(sized(rule, "harmonic") for rule in rules.HARMONIC_RULES)
     sections = [
-        Section("Counts", encode_counts(layout.counts, template.order)),
+        Section("Counts", encode_layout(numbers, template, by_vertex)),
         Section("Hidden", encode_hidden(layout, hidden)),
         Section("Opacity", opacity),
         Section("Scale", scale),
@@ -201,6 +203,14 @@ def encode_gaussians(
         coded = encode_harmonics(gaussians.sh_rest, classes, harmonic_rules, rules.HARMONIC_DEAD_ZONE)[0]
         sections.append(Section("Harmonic", coded))
     return sections, order
+
+
+def places_of(binding: Int[np.ndarray, " n"], template: Template) -> tuple[Int[np.ndarray, " n"], bool]:
+    """Give the place of each Gaussian in coding order, and whether places are vertices rather than triangles."""
+    vertices = match_vertices(binding, template)
+    if vertices is None:
+        return np.argsort(template.order)[binding], False
+    return np.argsort(template.vertices.order)[vertices], True
 
 
 def finer(rule: StepRule, exponent: int) -> StepRule:

@@ -152,7 +152,7 @@ def decode_opacity(
     n_steps, start, hidden_weight = reader.unpack("HHB")
     if not (1 <= n_steps <= MAX_STEPS and start <= n_steps):
         raise reader.error(f"{n_steps} opacity steps, the middle one {start}; expected 1 to {MAX_STEPS}")
-    index = np.zeros(len(layout.slots), np.int64)
+    index = np.zeros(len(layout), np.int64)
     spacing = spacing_of(hidden, hidden_weight, n_steps)
     symbols = SymbolReader(reader, KINDS * SPACINGS * CLASSES)
     for step in layout.passes:

@@ -1,9 +1,10 @@
 """The order in which Gaussians are coded, and what each is predicted from; both sides derive it before any attribute is known.
 
-The *first* Gaussian of each occupied triangle is coded coarse to fine: every 2^L-th triangle, then the ones half way between,
-each predicted from neighbours already known. The further Gaussians of a triangle, its *mates*, follow rank by rank (ranks
-1, 2, 3, 4-5, 6-7, 8-11, ... make one pass each), predicted from the ones before in the triangle as well. So a pass is a handful
-of array operations, and their number grows with the logarithm of the counts.
+The *first* Gaussian of each occupied place is coded coarse to fine: every 2^L-th place along the curve, then the ones half way between,
+each predicted from the nearest already known. Where places are triangles, the further Gaussians of a triangle, its *mates*, follow rank
+by rank (ranks 1, 2, 3, 4-5, 6-7, 8-11, ... make one pass each), predicted from the ones before in the triangle as well. Where places are
+the vertices of the once-subdivided mesh, each carries one Gaussian, and the middles of edges follow the head's own vertices. So a pass is
+a handful of array operations, and their number grows with the logarithm of the counts.
 
 Source: own; coarse to fine as in lifting schemes (Sweldens, 1996).
 """
@@ -12,19 +13,28 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Int
 
+from sacha_core.codec.anchors import middle_of, triangle_of
+from sacha_core.codec.places import FULL_TRUST, TRUST_BITS, Places, nearest_known
 from sacha_core.codec.template import Template
 
-__all__ = ["FULL_TRUST", "KINDS", "MATES", "TRUST_BITS", "Layout", "Pass", "weighted_mean"]
+__all__ = [
+    "FULL_TRUST",
+    "KINDS",
+    "MATES",
+    "Layout",
+    "Pass",
+    "layout_by_triangle",
+    "layout_by_vertex",
+    "passes_over",
+    "weighted_mean",
+]
 
 COARSE, FINE, FINEST, MATES = 0, 1, 2, 3
 KINDS = 4
-TRUST_BITS = 6
-FULL_TRUST = 1 << TRUST_BITS  # what the trust in a Gaussian's neighbours adds up to, where it has any
 MATES_SEEN = 4
 
 
@@ -39,8 +49,8 @@ class Pass:
         trust: (p, k) weight of each; 0 where there is none, `FULL_TRUST` in all or, for a Gaussian without neighbours, 0.
         mates: (p, j) rows of earlier Gaussians of the same triangle, the last first.
         mate_trust: (p, j) likewise.
-        slot: (p,) occupied triangle of each, counted from 0.
-        rank: (p,) rank of each in its triangle.
+        slot: (p,) occupied place of each, counted from 0.
+        rank: (p,) rank of each at its place.
     """
 
     kind: int
@@ -53,103 +63,163 @@ class Pass:
     rank: Int[np.ndarray, " p"]
 
 
+@dataclass(frozen=True)
+class Layout:
+    """Where the n Gaussians lie, sorted by place in coding order.
+
+    Args:
+        template: what is known of the head.
+        binding: (n,) triangle of each Gaussian, as the head counts them.
+        triangle_size: (n,) size class of that triangle, half octaves.
+        firsts: (m,) row of the first Gaussian at each occupied place.
+        slots: (n,) occupied place of each Gaussian, counted from 0.
+        ranks: (n,) rank of each Gaussian at its place.
+        passes: in coding order; together they hold every Gaussian once.
+        anchors: (n, 3) the vertex that each Gaussian belongs to, in half grid cells; None where places are triangles.
+    """
+
+    template: Template
+    binding: Int[np.ndarray, " n"]
+    triangle_size: Int[np.ndarray, " n"]
+    firsts: Int[np.ndarray, " m"]
+    slots: Int[np.ndarray, " n"]
+    ranks: Int[np.ndarray, " n"]
+    passes: tuple[Pass, ...]
+    anchors: Int[np.ndarray, "n 3"] | None = None
+
+    def __len__(self) -> int:
+        """Give the number of Gaussians."""
+        return len(self.binding)
+
+
 def weighted_mean(
     values: Int[np.ndarray, "n ..."], rows: Int[np.ndarray, "p k"], trust: Int[np.ndarray, "p k"]
 ) -> Int[np.ndarray, "p ..."]:
     """Mean of the values at `rows` by trust, halves up; 0 where there is no trust."""
-    weight = trust.reshape(trust.shape + (1,) * (values.ndim - 1))
-    return np.asarray(((values[rows] * weight).sum(axis=1) + FULL_TRUST // 2) >> TRUST_BITS)
+    shape = (len(rows),) + (1,) * (values.ndim - 1)
+    total = np.full((len(rows), *values.shape[1:]), FULL_TRUST // 2, np.int64)
+    for column in range(rows.shape[1]):  # column by column is faster than an axis of four
+        total += values[rows[:, column]] * trust[:, column].reshape(shape)
+    return total >> TRUST_BITS
 
 
-@dataclass(frozen=True)
-class Layout:
-    """Where the n Gaussians lie, sorted by triangle in coding order.
+def layout_by_triangle(counts: Int[np.ndarray, " f"], template: Template) -> Layout:
+    """Lay out Gaussians of which triangles carry so many (in coding order)."""
+    occupied = np.flatnonzero(counts)
+    held = counts[occupied].astype(np.int64)
+    firsts = np.cumsum(held) - held
+    slots = np.repeat(np.arange(len(occupied)), held)
+    ranks = np.arange(len(slots)) - firsts[slots]
+    places = template.triangles
+    passes = (
+        *passes_of_firsts(places, occupied, firsts, halves(len(occupied))),
+        *passes_of_mates(places, occupied, firsts, ranks, slots),
+    )
+    place = occupied[slots]
+    binding = places.order[place].astype(np.int32)
+    return Layout(template, binding, template.size[place], firsts, slots, ranks, passes)
 
-    Args:
-        counts: (f,) Gaussians on each triangle, in coding order.
-        template: coding order and sizes of the triangles.
-    """
 
-    counts: Int[np.ndarray, " f"]
-    template: Template
+def layout_by_vertex(present: Bool[np.ndarray, " m"], template: Template) -> Layout:
+    """Lay out Gaussians of which each belongs to one of the vertices that are present (in coding order)."""
+    places = template.vertices
+    occupied = np.flatnonzero(present)
+    rows = np.arange(len(occupied))
+    passes = tuple(passes_of_firsts(places, occupied, rows, own_then_middles(middle_of(template)[occupied])))
+    binding = triangle_of(template)[occupied]
+    size = template.size[np.argsort(template.order)[binding]]
+    nobody = np.zeros_like(rows)
+    return Layout(template, binding.astype(np.int32), size, rows, rows, nobody, passes, places.points[occupied])
 
-    @cached_property
-    def binding(self) -> Int[np.ndarray, " n"]:
-        """Triangle of each Gaussian."""
-        return np.repeat(self.template.order.astype(np.int32), self.counts)
 
-    @cached_property
-    def triangle_size(self) -> Int[np.ndarray, " n"]:
-        """Size class of each Gaussian's triangle, half octaves."""
-        return np.repeat(self.template.size, self.counts)
+def passes_over(template: Template, by_vertex: bool) -> Iterator[Pass]:
+    """Give the passes over all places, as if each had one Gaussian."""
+    places = template.vertices if by_vertex else template.triangles
+    everyone = np.arange(len(places))
+    groups = own_then_middles(middle_of(template)) if by_vertex else halves(len(places))
+    return passes_of_firsts(places, everyone, everyone, groups)
 
-    @cached_property
-    def occupied_counts(self) -> Int[np.ndarray, " m"]:
-        """Gaussians on each occupied triangle."""
-        return self.counts[self.counts > 0].astype(np.int64)
 
-    @cached_property
-    def firsts(self) -> Int[np.ndarray, " m"]:
-        """Row of the first Gaussian of each occupied triangle."""
-        return np.asarray(np.cumsum(self.occupied_counts) - self.occupied_counts)
+Groups = Iterator[tuple[int, Int[np.ndarray, " p"]]]
 
-    @cached_property
-    def slots(self) -> Int[np.ndarray, " n"]:
-        """Occupied triangle of each Gaussian, counted from 0."""
-        return np.repeat(np.arange(len(self.firsts)), self.occupied_counts)
 
-    @cached_property
-    def ranks(self) -> Int[np.ndarray, " n"]:
-        """Rank of each Gaussian in its triangle."""
-        return np.asarray(np.arange(len(self.slots)) - self.firsts[self.slots])
+def own_then_middles(middle: Bool[np.ndarray, " m"]) -> Groups:
+    """Give kind and slots of each pass over vertices: the head's own coarse to fine, then every other middle, then the rest."""
+    own, middles = np.flatnonzero(~middle), np.flatnonzero(middle)
+    for kind, slot in halves(len(own)):
+        yield FINE if kind == FINEST else COARSE, own[slot]
+    yield FINEST, middles[::2]
+    yield FINEST, middles[1::2]
 
-    @cached_property
-    def passes(self) -> tuple[Pass, ...]:
-        """All passes, in coding order; together they hold every Gaussian once."""
-        return (*self._passes_of_firsts(), *self._passes_of_mates())
 
-    def _passes_of_firsts(self) -> Iterator[Pass]:
-        m = len(self.firsts)
-        if m == 0:
-            return
-        yield self._first_pass(COARSE, np.zeros(1, np.int64), np.zeros((1, 2), np.int64), 0)
-        stride = 1 << max(m - 1, 0).bit_length()
-        while stride > 1:
-            half = stride // 2
-            middle = np.arange(half, m, stride)
-            behind = np.where(middle + half < m, middle + half, middle - half)
-            kind = {1: FINEST, 2: FINE}.get(half, COARSE)
-            if len(middle):
-                yield self._first_pass(kind, middle, np.stack([middle - half, behind], axis=1), FULL_TRUST // 2)
-            stride = half
+def halves(m: int) -> Groups:
+    """Give the kind and the slots of each pass over m slots, coarse to fine."""
+    if m:
+        yield COARSE, np.zeros(1, np.int64)
+    stride = 1 << max(m - 1, 0).bit_length()
+    while stride > 1:
+        half = stride // 2
+        yield {1: FINEST, 2: FINE}.get(half, COARSE), np.arange(half, m, stride)
+        stride = half
 
-    def _first_pass(self, kind: int, slot: Int[np.ndarray, " p"], beside: Int[np.ndarray, "p 2"], trust: int) -> Pass:
-        rows = self.firsts[slot]
-        nothing = np.zeros((len(slot), MATES_SEEN), np.int64)
-        return Pass(
-            kind, rows, self.firsts[beside], np.full(beside.shape, trust), nothing, nothing, slot, np.zeros_like(slot)
-        )
 
-    def _passes_of_mates(self) -> Iterator[Pass]:
-        most = int(self.occupied_counts.max(initial=0))
-        by_rank = np.argsort(self.ranks, kind="stable")
-        ends = np.searchsorted(self.ranks[by_rank], np.arange(most + 1))
-        low = 1
-        while low < most:
-            width = max(1, (1 << (low.bit_length() - 1)) // 2)
-            rows = np.sort(by_rank[ends[low] : ends[min(low + width, most)]])
-            slot = self.slots[rows]
-            beside = np.stack([np.maximum(slot - 1, 0), np.minimum(slot + 1, len(self.firsts) - 1)], axis=1)
-            seen = np.maximum(low - 1 - np.arange(MATES_SEEN), 0)
-            near, trust = self.firsts[beside], np.full(beside.shape, FULL_TRUST // 2)
-            mates = self.firsts[slot][:, None] + seen
-            mate_trust = np.broadcast_to(even_trust(min(low, MATES_SEEN)), mates.shape)
-            yield Pass(MATES, rows, near, trust, mates, mate_trust, slot, self.ranks[rows])
-            low += width
+def passes_of_firsts(
+    places: Places,
+    occupied: Int[np.ndarray, " m"],
+    firsts: Int[np.ndarray, " m"],
+    groups: Groups,
+) -> Iterator[Pass]:
+    """Give a pass for each group of slots that is not empty."""
+    known = np.zeros(len(places) + 1, bool)  # with one more for nowhere
+    row_of = np.zeros(len(places), np.int64)
+    row_of[occupied] = firsts
+    for kind, slot in groups:
+        if len(slot):
+            near, trust = nearest_known(places, known, occupied[slot])
+            nothing = np.zeros((len(slot), MATES_SEEN), np.int64)
+            yield Pass(kind, firsts[slot], row_of[near], trust, nothing, nothing, slot, np.zeros_like(slot))
+            known[occupied[slot]] = True
+
+
+def passes_of_mates(
+    places: Places,
+    occupied: Int[np.ndarray, " m"],
+    firsts: Int[np.ndarray, " m"],
+    ranks: Int[np.ndarray, " n"],
+    slots: Int[np.ndarray, " n"],
+) -> Iterator[Pass]:
+    """Give the passes over all but the firsts."""
+    most = int(ranks.max(initial=0)) + 1
+    by_rank = np.argsort(ranks, kind="stable")
+    ends = np.searchsorted(ranks[by_rank], np.arange(most + 1))
+    crowded = slots[by_rank[ends[1] : ends[min(2, most)]]]  # slots of more than one, ascending
+    near, trust = firsts_nearby(places, occupied, firsts, crowded)
+    low = 1
+    while low < most:
+        width = max(1, (1 << (low.bit_length() - 1)) // 2)
+        rows = np.sort(by_rank[ends[low] : ends[min(low + width, most)]])
+        slot = slots[rows]
+        at = np.searchsorted(crowded, slot)
+        mates = firsts[slot][:, None] + np.maximum(low - 1 - np.arange(MATES_SEEN), 0)
+        mate_trust = np.broadcast_to(even_trust(min(low, MATES_SEEN)), mates.shape)
+        yield Pass(MATES, rows, near[at], trust[at], mates, mate_trust, slot, ranks[rows])
+        low += width
+
+
+def firsts_nearby(
+    places: Places, occupied: Int[np.ndarray, " m"], firsts: Int[np.ndarray, " m"], slot: Int[np.ndarray, " p"]
+) -> tuple[Int[np.ndarray, "p k"], Int[np.ndarray, "p k"]]:
+    """Give the rows of the firsts nearest to slots, but for their own, and the trust in them."""
+    known = np.zeros(len(places) + 1, bool)
+    known[occupied] = True
+    near, trust = nearest_known(places, known, occupied[slot])
+    row_of = np.zeros(len(places), np.int64)
+    row_of[occupied] = firsts
+    return row_of[near], trust
 
 
 def even_trust(n_mates: int) -> Int[np.ndarray, " j"]:
-    """Split full trust among the first `n_mates` of the mates seen, the last of them getting what does not divide."""
+    """Split full trust among the first `n_mates` of the mates seen, the first of them getting what does not divide."""
     trust = np.zeros(MATES_SEEN, np.int64)
     trust[:n_mates] = FULL_TRUST // n_mates
     trust[0] += FULL_TRUST - trust.sum()

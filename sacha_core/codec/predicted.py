@@ -97,7 +97,7 @@ def decode_predicted(
     Raises:
         FormatError: the bytes are not what an encoder writes.
     """
-    shape = (len(layout.slots), n_components)
+    shape = (len(layout), n_components)
     steps = np.broadcast_to(steps, shape)
     predictor = Mixture.unpack(reader, n_components)
     plan = ContextPlan.unpack(reader, n_components)

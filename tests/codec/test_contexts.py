@@ -11,17 +11,17 @@ from hypothesis import strategies as st
 
 from sacha_core.codec.contexts import SIZE_CLASSES, ContextPlan, Sizes
 from sacha_core.codec.fitting import descend, fit_plan
-from sacha_core.codec.order import KINDS, MATES, Layout
+from sacha_core.codec.order import KINDS, MATES, Layout, layout_by_triangle
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import STEPS
-from sacha_core.codec.template import Template
+from sacha_core.codec.template import unknown_template
 from sacha_core.errors import FormatError
 
 RELATIVE = 0.05  # of weights found from 20,000 samples: their standard error is 1 to 2 %
 
 
 def layout_of(counts: list[int]) -> Layout:
-    return Layout(np.array(counts, np.int64), Template(np.arange(len(counts)), np.zeros(len(counts), np.int64)))
+    return layout_by_triangle(np.array(counts, np.int64), unknown_template(len(counts)))
 
 
 def random_plan(n_components: int, rng: np.random.Generator) -> ContextPlan:

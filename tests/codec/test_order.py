@@ -8,17 +8,21 @@ from math import floor
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from synthetic_avatars import small_head
 
-from sacha_core.codec.order import FULL_TRUST, MATES, Layout, weighted_mean
-from sacha_core.codec.template import CURVE_BITS, curve_index, template_of, unknown_template
+from sacha_core.codec.order import FULL_TRUST, MATES, layout_by_triangle, layout_by_vertex, weighted_mean
+from sacha_core.codec.places import CURVE_BITS, curve_index
+from sacha_core.codec.template import template_of, unknown_template
+
+HEAD = small_head()
+TEMPLATE = template_of(HEAD.v_template, HEAD.faces)
 
 counts_lists = st.lists(st.integers(0, 5) | st.sampled_from([0, 0, 17, 40]), max_size=40)
 
 
-@given(counts_lists)
-def test_every_gaussian_is_coded_once_after_what_predicts_it(counts):
-    layout = Layout(np.array(counts, np.int64), unknown_template(len(counts)))
-    known = np.zeros(len(layout.slots), bool)
+def assert_in_order(layout):
+    """Every Gaussian once, and neighbours and mates known before."""
+    known = np.zeros(len(layout), bool)
     for number, step in enumerate(layout.passes):
         assert not known[step.rows].any()
         assert (np.diff(step.rows) > 0).all()
@@ -27,14 +31,32 @@ def test_every_gaussian_is_coded_once_after_what_predicts_it(counts):
             assert (trust >= 0).all()
             assert np.isin(trust.sum(axis=1), [0, FULL_TRUST]).all()
         assert (layout.slots[step.mates] == step.slot[:, None])[step.mate_trust > 0].all()
+        assert (layout.slots[step.near] != step.slot[:, None])[step.trust > 0].all()
         assert (step.mate_trust.any(axis=1) == (step.kind == MATES)).all()
-        assert (step.trust.any(axis=1) == (number > 0)).all()
+        assert (step.trust.any(axis=1) == (number > 0 and len(layout.firsts) > 1)).all()
         known[step.rows] = True
     assert known.all()
 
 
+@given(counts_lists)
+def test_every_gaussian_is_coded_once_after_what_predicts_it(counts):
+    assert_in_order(layout_by_triangle(np.array(counts, np.int64), unknown_template(len(counts))))
+
+
+@given(st.integers(0, 1000), st.sampled_from([0.01, 0.3, 0.95, 1.0]), st.booleans())
+def test_order_on_a_head(seed, share, by_vertex):
+    rng = np.random.default_rng(seed)
+    present = rng.random(len(TEMPLATE.vertices if by_vertex else TEMPLATE.triangles)) < share
+    layout = layout_by_vertex(present, TEMPLATE) if by_vertex else layout_by_triangle(present * 1, TEMPLATE)
+    assert len(layout) == present.sum()
+    assert_in_order(layout)
+    sizes = np.empty(len(TEMPLATE.size), np.int64)
+    sizes[TEMPLATE.order] = TEMPLATE.size
+    assert np.array_equal(layout.triangle_size, sizes[layout.binding])
+
+
 def test_passes_grow_with_the_logarithm_of_the_counts():
-    layout = Layout(np.array([100_000]), unknown_template(1))
+    layout = layout_by_triangle(np.array([100_000]), unknown_template(1))
     assert len(layout.passes) < 40
 
 

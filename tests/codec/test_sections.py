@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from decimal import Decimal
 
 import numpy as np
@@ -9,21 +10,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from synthetic_avatars import small_head
 
 from sacha_core.codec.colour import decode_colour, encode_colour, yuv_to_rgb
-from sacha_core.codec.counts import decode_counts, encode_counts
+from sacha_core.codec.counts import decode_layout, encode_layout
 from sacha_core.codec.harmonics import decode_harmonics, encode_harmonics
 from sacha_core.codec.hidden import decode_hidden, encode_hidden
 from sacha_core.codec.levels import COLOUR_RULES, HARMONIC_RULES, POSITION_RULE, ROTATION_RULE, SCALE_RULES
 from sacha_core.codec.opacity import decode_opacity, encode_opacity, opacity_index, opacity_table
-from sacha_core.codec.order import Layout
+from sacha_core.codec.order import Layout, layout_by_triangle
 from sacha_core.codec.position import decode_position, encode_position
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.rotation import decode_rotation, encode_rotation, rotation_vector, sort_axes
 from sacha_core.codec.scale import classes_of, decode_scale, encode_scale, known_classes
 from sacha_core.codec.static import decode_static, encode_static
 from sacha_core.codec.steps import MAX_EXPONENT, STEPS, Classes, StepRule, quantise
-from sacha_core.codec.template import Template
+from sacha_core.codec.template import Template, template_of, unknown_template
 from sacha_core.errors import FormatError
 
 FLOAT32_ROUNDING = 1e-6  # relative: decoded values are rounded to float32 once
@@ -35,9 +37,14 @@ counts_lists = st.lists(st.integers(0, 4) | st.sampled_from([0, 9]), min_size=1,
 
 def layout_of(counts: list[int], seed: int = 0) -> Layout:
     """Give a layout in a random order of triangles of random sizes."""
+    return layout_by_triangle(np.array(counts, np.int64), template_for(len(counts), seed))
+
+
+def template_for(n_faces: int, seed: int = 0) -> Template:
     rng = np.random.default_rng(seed)
-    template = Template(rng.permutation(len(counts)), rng.integers(-5, 6, len(counts)))
-    return Layout(np.array(counts, np.int64), template)
+    plain = unknown_template(n_faces)
+    places = replace(plain.triangles, order=rng.permutation(n_faces))
+    return replace(plain, triangles=places, size=rng.integers(-5, 6, n_faces))
 
 
 def classes_for(n: int, seed: int = 0) -> Classes:
@@ -50,13 +57,27 @@ def reader(data: bytes) -> ByteReader:
 
 
 @given(st.lists(st.integers(0, 300), max_size=60), st.integers(0, 5))
-def test_counts(counts, seed):
-    order = np.random.default_rng(seed).permutation(len(counts))
-    values = np.array(counts, np.int64)
-    data = encode_counts(values, order)
-    assert np.array_equal(decode_counts(reader(data), order, sum(counts)), values)
-    with pytest.raises(FormatError, match="add up to"):
-        decode_counts(reader(data), order, sum(counts) + 1)
+def test_counts_by_triangle(counts, seed):
+    template = template_for(len(counts), seed)
+    data = encode_layout(np.array(counts, np.int64), template, by_vertex=False)
+    layout = decode_layout(reader(data), template, sum(counts))
+    assert np.array_equal(layout.binding, np.repeat(template.order, counts))
+    assert layout.anchors is None
+    with pytest.raises(FormatError, match=r"add up to|expected 0 to"):
+        decode_layout(reader(data), template, sum(counts) + 1)
+
+
+@given(st.integers(0, 100), st.sampled_from([0.0, 0.5, 0.95, 1.0]))
+def test_presence_by_vertex(seed, share):
+    head = small_head()
+    template = template_of(head.v_template, head.faces)
+    present = np.random.default_rng(seed).random(len(template.vertices)) < share
+    layout = decode_layout(
+        reader(encode_layout(present.astype(np.int64), template, by_vertex=True)), template, present.sum()
+    )
+    assert np.array_equal(layout.anchors, template.vertices.points[present])
+    with pytest.raises(FormatError, match="with the head"):
+        decode_layout(reader(b"\x01"), unknown_template(5), 0)
 
 
 @given(counts_lists, st.sampled_from([1, 2, 24, 1024]), st.sampled_from([0, 5, 60]), st.integers(0, 100))
