@@ -14,8 +14,10 @@ from sacha_core.cli.inspect import grade
 from sacha_core.errors import OptionError
 
 if TYPE_CHECKING:
+    from sacha_core.avatar.avatar import Avatar
     from sacha_core.avatar.gaussians import Gaussians
     from sacha_core.codec import Inspection
+    from sacha_core.flame.model import HeadModel
 
 __all__ = ["INPUTS", "Options", "run"]
 
@@ -50,6 +52,12 @@ class Options:
     level: Literal[1, 2, 3, 4, "archive"] = 2
     """1 is the smallest, 4 the best; `archive` keeps every bit of every number."""
 
+    profile: Literal["sacha", "paper"] = "sacha"
+    """`paper` codes as the SACHA paper does, at the rate points 1 to 4 of MPEG's JEE6.2, to compare with."""
+
+    tmc3: FileOption = None
+    """With the paper's profile: an external `tmc3` or GeS-TM program for points and attributes, instead of this project's own coder."""
+
     embed_head: bool = False
     """Put the head into the file too, so that it opens anywhere; its bytes are counted apart."""
 
@@ -66,7 +74,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     """
     from sacha_core.cli.inspect import byte_counts
     from sacha_core.cli.sources import open_avatar
-    from sacha_core.codec import encode, encode_archive, inspect
+    from sacha_core.codec import inspect
     from sacha_core.files import write_aside
 
     if (options.model is None) == (options.ply is None):
@@ -77,10 +85,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         raise OptionError(f"--ply {options.ply}: expected a file whose name ends in .ply")
     opened = open_avatar(path, options.head, options.motion)
     avatar = opened.avatar
-    if options.level == "archive":
-        data = encode_archive(avatar, head=opened.head, embed_head=options.embed_head)
-    else:
-        data = encode(avatar, options.level, head=opened.head, embed_head=options.embed_head)
+    data = encoded(options, avatar, opened.head)
     with write_aside(options.output) as aside:
         aside.write_bytes(data)
     found = inspect(data)
@@ -97,6 +102,25 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         "bytes": byte_counts(found),
         "head": asdict(avatar.head),
     }
+
+
+def encoded(options: Options, avatar: Avatar, head: HeadModel) -> bytes:
+    """Compress by the profile that was asked for.
+
+    Raises:
+        OptionError: options contradict each other.
+    """
+    from sacha_core.codec import encode, encode_archive, encode_paper
+
+    if options.tmc3 is not None and options.profile != "paper":
+        raise OptionError("--tmc3 codes the paper's profile; expected --profile paper with it")
+    if options.level == "archive":
+        if options.profile == "paper":
+            raise OptionError("the paper's profile has no level archive; expected --level 1, 2, 3 or 4")
+        return encode_archive(avatar, head=head, embed_head=options.embed_head)
+    if options.profile == "paper":
+        return encode_paper(avatar, options.level, head=head, embed_head=options.embed_head, tmc3=options.tmc3)
+    return encode(avatar, options.level, head=head, embed_head=options.embed_head)
 
 
 def ply_bytes(gaussians: Gaussians) -> int:

@@ -30,6 +30,8 @@ MEANINGS = {  # of the sections that this version writes
     "Harmonic": "colours' change with the direction of view",
     "Binding": "the triangle of each Gaussian",
     "Sensitiv": "perceptual sensitivities",
+    "Geometry": "positions",
+    "Tool": "all that an external program coded",
     "Static": "the person: shape, offsets",
     "Motion": "motion, frame by frame",
     "head": "the head model itself",
@@ -65,6 +67,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         "file": options.file,
         "format": ".".join(map(str, found.version)),
         "profile": found.profile,
+        "coder": found.coder,
         "level": found.level,
         "n_gaussians": found.n_gaussians,
         "sh_degree": found.sh_degree,
@@ -129,7 +132,7 @@ def grade(found: Inspection) -> str:
     """Say how finely a file is coded."""
     if found.profile == "archive":
         return "archive: every bit"
-    return f"level {found.level:g}" + (", the paper's profile" if found.profile == "paper" else "")
+    return f"level {found.level:g}" + (f" of the paper's profile by {found.coder}" if found.profile == "paper" else "")
 
 
 def _density(name: str, n_bytes: int, found: Inspection) -> str:
@@ -137,7 +140,20 @@ def _density(name: str, n_bytes: int, found: Inspection) -> str:
     if name == "Motion" and found.n_frames:
         return f"{n_bytes / found.n_frames:.1f} B/frame"
     if (
-        name in {"Counts", "Hidden", "Opacity", "Scale", "Rotation", "Position", "Colour", "Harmonic"}
+        name
+        in {
+            "Counts",
+            "Hidden",
+            "Opacity",
+            "Scale",
+            "Rotation",
+            "Position",
+            "Colour",
+            "Harmonic",
+            "Geometry",
+            "Binding",
+            "Sensitiv",
+        }
         and found.n_gaussians
     ):
         return f"{8 * n_bytes / found.n_gaussians:.1f} bit"

@@ -6,6 +6,7 @@ from sacha_core.codec.archive_encoder import encode_archive
 from sacha_core.codec.decoder import AvatarStream, decode, embedded_head, open_stream
 from sacha_core.codec.encoder import encode
 from sacha_core.codec.inspection import Inspection, SectionSize, inspect
+from sacha_core.codec.paper_encoder import encode_paper
 
 __all__ = [
     "AvatarStream",
@@ -15,6 +16,7 @@ __all__ = [
     "embedded_head",
     "encode",
     "encode_archive",
+    "encode_paper",
     "inspect",
     "open_stream",
 ]

@@ -19,10 +19,12 @@ from sacha_core.codec.container import MAGIC, Section
 from sacha_core.codec.counts import decode_layout
 from sacha_core.codec.harmonics import decode_harmonics
 from sacha_core.codec.head import decode_head
-from sacha_core.codec.header import ARCHIVE, Header
+from sacha_core.codec.header import ARCHIVE, PAPER, Header
 from sacha_core.codec.hidden import decode_hidden
 from sacha_core.codec.motion import MotionReader
 from sacha_core.codec.opacity import decode_opacity
+from sacha_core.codec.paper import decode_paper
+from sacha_core.codec.paper_motion import decode_paper_motion
 from sacha_core.codec.position import decode_position
 from sacha_core.codec.rotation import decode_rotation
 from sacha_core.codec.scale import classes_of, decode_scale, known_classes
@@ -122,6 +124,8 @@ def read_gaussians(sections: dict[str, Section], header: Header, template: Templ
     """Decode all attributes by the file's profile."""
     if header.profile == ARCHIVE:
         return decode_archive(sections, header)
+    if header.profile == PAPER:
+        return decode_paper(sections, header)
     return decode_gaussians(sections, header, template)
 
 
@@ -176,6 +180,8 @@ def read_motion(sections: dict[str, Section], header: Header) -> MotionReader | 
         return None
     if header.profile == ARCHIVE:
         return WholeMotion(decode_archive_motion(sections, header))
+    if header.profile == PAPER:
+        return WholeMotion(decode_paper_motion(sections, header))
     shape, static_offset = decode_static(need(sections, "Static").reader(), header.n_shape, header.n_offsets)
     dynamic = need(sections, "Motion").reader()
     motion = MotionReader(dynamic, header.n_frames, header.n_expression, shape, static_offset)

@@ -11,6 +11,7 @@ from sacha_core.codec.container import Section
 from sacha_core.codec.decoder import Source, read_header, read_source
 from sacha_core.codec.header import LOSSY, PROFILES, Header
 from sacha_core.codec.motion import read_motion_head
+from sacha_core.codec.paper_tool import tool_name
 from sacha_core.codec.sections import sections_of
 from sacha_core.codec.whole_motion import read_frame_rate
 from sacha_core.flame.model import HeadReference
@@ -44,6 +45,7 @@ class Inspection:
         version: of the format, (major, minor).
         level: 1 (smallest) to 4 (best), and between; 0 in an archive.
         profile: name of the coding profile: "lossy", "archive" or "paper".
+        coder: what coded the Gaussians: "own coder", or the name of an external program (paper profile).
         head: the head model that the avatar is bound to.
         needs_head: whether decoding needs that head model.
         scheme: name of the region scheme.
@@ -62,6 +64,7 @@ class Inspection:
     version: tuple[int, int]
     level: float
     profile: str
+    coder: str
     head: HeadReference
     needs_head: bool
     scheme: str
@@ -104,6 +107,7 @@ def inspect(source: Source) -> Inspection:
         version=version,
         level=header.level,
         profile=PROFILES[header.profile],
+        coder=tool_name(sections["Tool"].reader()) if "Tool" in sections else "own coder",
         head=header.head,
         needs_head=header.needs_head,
         scheme=header.scheme,
