@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -18,7 +18,7 @@ from jaxtyping import Int
 from sacha_core.codec.kernels import arithmetic
 from sacha_core.errors import FormatError
 
-__all__ = ["AdaptiveDecoder", "AdaptiveEncoder", "compiled_kernels"]
+__all__ = ["AdaptiveDecoder", "AdaptiveEncoder", "Kernels", "compiled_kernels", "kernels_for", "last_bytes"]
 
 COMPILED_FROM = 200_000  # below this, plain Python is done before Numba is imported
 COMPILED_FROM_WITH_NUMBA = (
@@ -38,7 +38,7 @@ def compiled_kernels() -> Kernels | None:
         return None
     from sacha_core.codec.kernels import compiled  # noqa: PLC0415  # Numba takes longer to import than most files to decode
 
-    return {"encode_integers": compiled.encode_integers, "decode_integers": compiled.decode_integers}
+    return {name: getattr(compiled, name) for name in compiled.__all__}
 
 
 def kernels_for(n_integers: int, compiled: bool | None) -> Kernels | None:
@@ -51,6 +51,21 @@ def kernels_for(n_integers: int, compiled: bool | None) -> Kernels | None:
 def fresh_models(n_contexts: int) -> list[int]:
     """Give models that hold both values of every bin for equally likely."""
     return [arithmetic.ONE // 2, arithmetic.ONE // 2, 0] * (n_contexts * arithmetic.ACTIVITY_CLASSES * arithmetic.BINS)
+
+
+def last_bytes(registers: Sequence[int] | Int[np.ndarray, "5"]) -> bytes:
+    """Give the bytes that an encoder with these registers still owes."""
+    low, width, cached, pending, _ = (int(register) for register in registers)
+    for bits in range(31, -1, -1):  # the number with the most trailing zeros inside the last interval
+        rounded = (low + (1 << bits) - 1) >> bits << bits
+        if rounded < low + width:
+            low = rounded
+            break
+    owing = [low, width, cached, pending, 0]
+    out = bytearray(pending + SLACK_BYTES)
+    for _ in range(5):
+        PLAIN["shift_low"](owing, out)
+    return bytes(out[: owing[4]])
 
 
 class AdaptiveEncoder:
@@ -85,18 +100,7 @@ class AdaptiveEncoder:
 
     def finish(self) -> bytes:
         """Give all bytes; trailing zeros are left out, since the decoder reads zeros past the end."""
-        registers = [int(register) for register in self._registers]
-        low, width = registers[0], registers[1]
-        for bits in range(31, -1, -1):  # the number with the most trailing zeros inside the last interval
-            rounded = (low + (1 << bits) - 1) >> bits << bits
-            if rounded < low + width:
-                registers[0] = rounded
-                break
-        registers[4] = 0
-        out = bytearray(registers[3] + SLACK_BYTES)
-        for _ in range(5):
-            PLAIN["shift_low"](registers, out)
-        self._parts.append(bytes(out[: registers[4]]))
+        self._parts.append(last_bytes(self._registers))
         return b"".join(self._parts).rstrip(b"\0")
 
 

@@ -22,6 +22,7 @@ MAX_LEVEL = 1000  # hundredths
 # what a file may decode to is bounded by its size, so that a few bytes cannot ask for hours or gigabytes
 FREE_ATTRIBUTES, ATTRIBUTES_PER_BYTE = 1 << 16, 64
 FREE_ADAPTIVE, ADAPTIVE_PER_BYTE = 1 << 15, 4
+FREE_FRAMES, FRAMES_PER_BYTE = 1 << 15, 32  # numbers of frames, most of which may cost a hundredth of a bit
 HAS_MOTION, NEEDS_HEAD, HAS_SENSITIVITY = 1, 2, 4  # flags
 
 
@@ -71,16 +72,24 @@ class Header:
 
     @property
     def n_adaptive(self) -> int:
-        """How many adaptive integers there are, which take longer to decode: counts and motion, its base frame included."""
+        """How many adaptive integers there are, which take longer to decode: counts and what is said of a motion once."""
         static = self.n_shape + 3 * self.n_offsets
         bindings = self.n_gaussians if self.profile == ARCHIVE else self.head.n_faces
-        return bindings + static + (self.n_frames + 1) * (self.n_expression + 18)
+        return bindings + static + self.n_expression + 18
+
+    @property
+    def n_frame_numbers(self) -> int:
+        """How many numbers the frames of the motion have."""
+        return self.n_frames * (self.n_expression + 18)
 
     def missing_bytes(self, file_bytes: int) -> int:
         """How many bytes a file of this size lacks to answer for what it says; 0 or less where it does."""
         attributes = self.n_attributes - FREE_ATTRIBUTES - ATTRIBUTES_PER_BYTE * file_bytes
         adaptive = self.n_adaptive - FREE_ADAPTIVE - ADAPTIVE_PER_BYTE * file_bytes
-        return max(-(-attributes // ATTRIBUTES_PER_BYTE), -(-adaptive // ADAPTIVE_PER_BYTE))
+        frames = self.n_frame_numbers - FREE_FRAMES - FRAMES_PER_BYTE * file_bytes
+        return max(
+            -(-attributes // ATTRIBUTES_PER_BYTE), -(-adaptive // ADAPTIVE_PER_BYTE), -(-frames // FRAMES_PER_BYTE)
+        )
 
     def telling(self, motion: Motion) -> Header:
         """Give the header of a file that has this motion too."""

@@ -32,10 +32,11 @@ class Level:
         lagrangian: bits of an attribute against its squared error, which is 1/12 a component at a uniform quantiser of the rule's step: 0
             takes the nearest level whatever it costs.
         max_thinness: a scale this much smaller (natural logarithm) than the next larger one is raised to it.
-        expression_step: of expression weights.
+        vertex_error_mm: of a motion, that is aimed at where the head is known: norm, RMS over vertices and frames.
+        expression_step: of expression weights, where it is not.
         shape_step: of identity coefficients.
-        angle_step_rad: of rotations.
-        translation_step: of the head's position, metres.
+        angle_step_rad: of rotations, likewise.
+        translation_step: of the head's position, metres, likewise.
         offset_step: of personal vertex offsets, metres.
     """
 
@@ -45,6 +46,7 @@ class Level:
     exponents: tuple[int, ...]
     lagrangian: float
     max_thinness: float
+    vertex_error_mm: float
     expression_step: float
     shape_step: float
     angle_step_rad: float
@@ -63,6 +65,7 @@ class Anchor:
     opacity_steps: float
     lagrangian: float
     max_thinness: float
+    vertex_error_mm: float
     expression_step: float
     shape_step: float
     angle_step_rad: float
@@ -71,10 +74,10 @@ class Anchor:
 
 
 ANCHORS = (
-    Anchor(24, 0.0, 2.5, 0.06, 0.01, 0.005, 5e-4, 2e-4),
-    Anchor(36, 0.0, 3.0, 0.02, 0.005, 0.002, 2e-4, 1e-4),
-    Anchor(56, 0.0, 4.0, 0.005, 0.005, 5e-4, 5e-5, 5e-5),
-    Anchor(80, 0.0, 4.5, 0.0025, 0.0025, 2.5e-4, 2e-5, 2e-5),
+    Anchor(24, 0.0, 2.5, 0.25, 0.06, 0.01, 0.005, 5e-4, 2e-4),
+    Anchor(36, 0.0, 3.0, 0.09, 0.02, 0.005, 0.002, 2e-4, 1e-4),
+    Anchor(56, 0.0, 4.0, 0.03, 0.005, 0.005, 5e-4, 5e-5, 5e-5),
+    Anchor(80, 0.0, 4.5, 0.012, 0.0025, 0.0025, 2.5e-4, 2e-5, 2e-5),
 )
 
 
@@ -107,6 +110,7 @@ def level_at(quality: float) -> Level:
         exponents=exponents,
         lagrangian=between(quality, "lagrangian"),
         max_thinness=between(inside, "max_thinness"),
+        vertex_error_mm=between(inside, "vertex_error_mm"),
         expression_step=between(inside, "expression_step"),
         shape_step=between(inside, "shape_step"),
         angle_step_rad=between(inside, "angle_step_rad"),

@@ -157,7 +157,8 @@ def test_what_no_renderer_draws_is_left_out_unless_asked_for():
 
 
 @pytest.mark.parametrize("level", LEVEL_NUMBERS)
-def test_motion_stays_within_half_a_step(level):
+def test_motion_stays_within_a_step_and_what_is_said_once_within_half(level):
+    """Residuals may be rounded towards 0 by up to 0.9 of a step, and a step be up to 19 % larger than asked for."""
     avatar = random_avatar(5, n_frames=60)
     back = decode(encode(avatar, level, group_frames=25)).motion
     chosen = LEVELS[level]
@@ -166,8 +167,9 @@ def test_motion_stays_within_half_a_step(level):
     assert back is not None
     assert back.frame_rate == avatar.motion.frame_rate
     for name in ("shape", "static_offset", "expression", "rotation", "neck", "jaw", "eyes", "translation"):
+        share = 0.5 if name in ("shape", "static_offset") else 0.9 * 1.19
         error = np.abs(getattr(back, name) - getattr(avatar.motion, name)).max()
-        assert error <= steps.get(name, chosen.angle_step_rad) * (0.5 + FLOAT32_ROUNDING) + 4 * FLOAT32_ROUNDING
+        assert error <= steps.get(name, chosen.angle_step_rad) * (share + FLOAT32_ROUNDING) + 4 * FLOAT32_ROUNDING
 
 
 def test_what_was_encoded_with_the_head_needs_it():

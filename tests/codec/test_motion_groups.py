@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Callable
 from dataclasses import fields, replace
 
@@ -16,6 +15,7 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.codec import decode, encode, motion, open_stream
 from sacha_core.codec.container import Section, pack_sections, parse_sections
 from sacha_core.codec.motion import MotionHead, read_motion_head
+from sacha_core.codec.motion_writer import packed_length
 from sacha_core.errors import FormatError
 
 GROUP, N_FRAMES = 8, 23
@@ -70,9 +70,9 @@ def test_groups_that_do_not_exist(stream, number):
 
 def test_opening_decodes_no_frame_and_a_group_no_other(stream, monkeypatch):
     decoded = []
-    plain = motion.decode_group
+    plain = motion.decode_frames
     monkeypatch.setattr(
-        motion, "decode_group", lambda data, n_frames, *rest: decoded.append(n_frames) or plain(data, n_frames, *rest)
+        motion, "decode_frames", lambda data, n_frames, *rest: decoded.append(n_frames) or plain(data, n_frames, *rest)
     )
     opened = open_stream(stream)
     assert decoded == []
@@ -94,44 +94,38 @@ def with_motion_section(data: bytes, change: Callable[[bytearray, int, MotionHea
     return pack_sections(changed), section.offset + groups_at
 
 
-def flip_a_byte(body: bytearray, groups_at: int, head: MotionHead) -> None:
-    start, n_bytes, _ = head.groups[1]
-    body[groups_at + start + n_bytes // 2] ^= 0x5A
-
-
 def add_bytes(body: bytearray, groups_at: int, head: MotionHead) -> None:
-    start, n_bytes, checksum = head.groups[1]
+    """Make group 1 longer; lengths are below 128 * 128 bytes, so each is two bytes of seven bits."""
+    start, n_bytes = head.groups[1]
     body[groups_at + start + n_bytes : groups_at + start + n_bytes] = EXTRA
-    longer = body[groups_at + start : groups_at + start + n_bytes + len(EXTRA)]
-    entry_at = body.index(struct.pack("<II", n_bytes, checksum))
-    body[entry_at : entry_at + 8] = struct.pack("<II", len(longer), zlib.crc32(longer))
+    for number, length in ((1, n_bytes + len(EXTRA)),):
+        entry_at = groups_at - sum(len(packed_length(size)) for _, size in head.groups[number:])
+        assert body[entry_at : entry_at + 2] == packed_length(n_bytes)
+        body[entry_at : entry_at + 2] = packed_length(length)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (flip_a_byte, "the checksum of motion group 1 is wrong"),
-        (add_bytes, "motion group 1: .* bytes are left over"),
-    ],
-)
-def test_damage_is_found_in_its_group_alone(stream, change, message):
-    data, groups_at = with_motion_section(stream, change)
+def test_damage_is_found_in_its_group_alone(stream):
+    data, groups_at = with_motion_section(stream, add_bytes)
     opened, whole = open_stream(data).motion, decode(stream).motion
     assert_same(opened.group(0), whole.frames(slice(0, GROUP)))
     assert_same(opened.group(2), whole.frames(slice(2 * GROUP, None)))
     for decoder in (lambda: opened.group(1), lambda: decode(data)):
-        with pytest.raises(FormatError, match=message) as caught:
+        with pytest.raises(FormatError, match=r"motion group 1: .* bytes of the group are left over") as caught:
             decoder()
         assert groups_at < caught.value.offset < len(data)
         assert str(caught.value).count("at byte") == 1
 
 
 def test_values_that_no_head_has_are_refused_with_their_group():
-    """Numbers of steps that are fine, times a step that is fine, are not: 2^29 and more of 1000 metres."""
+    """Numbers of steps that are fine, times a step that is fine, are not: more than 2^29 of more than a metre."""
     far = replace(random_motion(N_FRAMES), translation=np.zeros((N_FRAMES, 3), np.float32))
     far.translation[GROUP + 2] = 2e4
     data = encode(Avatar(random_avatar(3).gaussians, random_avatar(3).head, far), 4, group_frames=GROUP)
-    data, _ = with_motion_section(data, lambda body, _, __: struct.pack_into("<d", body, 16, 1e3))
+
+    def coarser(body: bytearray, _: int, head: MotionHead) -> None:
+        struct.pack_into("<d", body, 10, head.model.unit * 2.0**16)
+
+    data, _ = with_motion_section(data, coarser)
     opened = open_stream(data).motion
     opened.group(0)
     for decoder in (lambda: opened.group(1), lambda: decode(data)):
