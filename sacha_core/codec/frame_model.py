@@ -129,7 +129,7 @@ class FrameModel:
         alive = read(p, ALIVE, 0, 1).astype(bool)
         q = int(alive.sum())
         exponents = read(p, EXPONENT, -MAX_EXPONENT, MAX_EXPONENT, differences=True)
-        largest = frames.LIMIT // (LIVE_BASE * frames.FINE)
+        largest = frames.LIMIT // frames.FINE
         base = read(p, BASE, -largest, largest) * np.where(alive, LIVE_BASE * frames.FINE, frames.FINE)
         damping = read(q, DAMPING, -LARGEST_COEFFICIENT, LARGEST_COEFFICIENT, differences=True)
         pull = read(q, PULL, -LARGEST_COEFFICIENT, LARGEST_COEFFICIENT, differences=True)
