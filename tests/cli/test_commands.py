@@ -91,6 +91,27 @@ def test_levels_grow(done, model: Path, tmp_path: Path) -> None:
     assert sizes == sorted(set(sizes))
 
 
+def test_archive_gives_back_the_model_bit_for_bit(done, model: Path, tmp_path: Path) -> None:
+    file, ply = tmp_path / "a.sacha", tmp_path / "a.ply"
+    done("encode", model, "--level", "archive", "-o", file)
+    done("decode", file, "--ply", ply)
+    given, back = read_model(model)[0], read_bound_ply(ply)
+    for name in ("position", "log_scale", "quaternion", "opacity_logit", "sh_dc", "sh_rest", "binding"):
+        assert getattr(back, name).tobytes() == getattr(given, name).tobytes(), name
+    assert "archive: every bit" in done("inspect", file).out
+
+
+def test_paper_profile_tells_its_coder(done, refused, model: Path, tmp_path: Path) -> None:
+    file = tmp_path / "a.sacha"
+    done("encode", model, "--profile", "paper", "--level", 3, "-o", file)
+    outcome = done("inspect", file)
+    assert (outcome.report["profile"], outcome.report["level"], outcome.report["coder"]) == ("paper", 3, "own coder")
+    assert "own coder" in outcome.out
+    done("render", file, "--frame", 0, "-o", tmp_path / "a.png", "--width", 40, "--height", 50)
+    assert "level archive" in refused("encode", model, "--profile", "paper", "--level", "archive", "-o", file)
+    assert "--profile paper" in refused("encode", model, "--tmc3", model / "head.json", "-o", file)
+
+
 def test_inspect_accounts_for_every_byte(done, sacha_file: Path) -> None:
     outcome = done("inspect", sacha_file)
     sections = outcome.report["sections"]
