@@ -14,10 +14,11 @@ from sacha_core.codec.predicted import decode_predicted, encode_predicted
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import Classes, StepRule
 
-__all__ = ["UNIT", "decode_colour", "encode_colour", "rgb_to_yuv", "yuv_to_rgb"]
+__all__ = ["TO_RGB", "UNIT", "decode_colour", "encode_colour", "rgb_to_yuv", "yuv_to_rgb"]
 
 UNIT = 2.0**-14
 TO_YUV = np.array([[0.299, 0.587, 0.114], [-0.14713, -0.28886, 0.436], [0.615, -0.51498, -0.10001]])
+TO_RGB = np.array([[1.0, 0.0, 1.13983], [1.0, -0.39465, -0.5806], [1.0, 2.03211, 0.0]])
 
 Rules = tuple[StepRule, ...]
 

@@ -14,7 +14,6 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.codec import levels as rules
 from sacha_core.codec.anchors import match_vertices
-from sacha_core.codec.choice import Worth
 from sacha_core.codec.colour import encode_colour
 from sacha_core.codec.container import Section, pack_sections
 from sacha_core.codec.counts import encode_layout
@@ -28,11 +27,11 @@ from sacha_core.codec.levels import Level, level_named
 from sacha_core.codec.motion_writer import encode_motion
 from sacha_core.codec.opacity import encode_opacity, opacity_index, opacity_table
 from sacha_core.codec.order import layout_by_triangle, layout_by_vertex
+from sacha_core.codec.plan import Plan, Prepared, plan_by_rules, plan_by_worth
 from sacha_core.codec.position import encode_position
 from sacha_core.codec.rotation import encode_rotation, sort_axes
 from sacha_core.codec.scale import classes_of, encode_scale, known_classes
 from sacha_core.codec.static import encode_static
-from sacha_core.codec.steps import StepRule
 from sacha_core.codec.template import Template, template_of, unknown_template
 from sacha_core.errors import FormatError, HeadError, OptionError
 from sacha_core.flame.model import HeadModel
@@ -175,35 +174,40 @@ def encode_gaussians(
     importance = None if importance is None else importance.select(order)
     numbers = np.bincount(place, minlength=len(template.vertices if by_vertex else template.triangles)).astype(np.int64)
     layout = layout_by_vertex(numbers > 0, template) if by_vertex else layout_by_triangle(numbers, template)
-    hidden = np.zeros(len(index), np.int64)
-    opacity, index = encode_opacity(layout, index, level.opacity_steps, hidden, 0)
-    known = known_classes(opacity_table(level.opacity_steps).transparency[index], hidden)
+    prepared = Prepared(layout, gaussians, index, log_scale, quaternion)
+    plan = plan_by_rules(prepared, level)
+    if importance is not None and len(index):
+        plan = plan_by_worth(prepared, level, importance, plan)
+    return [Section("Counts", encode_layout(numbers, template, by_vertex)), *encode_planned(prepared, plan)], order
 
-    scale_rules = tuple(finer(rule, level.exponent("scale")) for rule in rules.SCALE_RULES)
-    worth = Worth(level.lagrangian)
-    scale, scale_values = encode_scale(layout, log_scale, known, scale_rules, worth)
+
+def encode_planned(prepared: Prepared, plan: Plan) -> list[Section]:
+    """Code all attributes as planned."""
+    layout, gaussians, worth = prepared.layout, prepared.gaussians, plan.worth
+    opacity, index = encode_opacity(
+        layout,
+        opacity_index(gaussians.opacity_logit, plan.opacity_steps),
+        plan.opacity_steps,
+        plan.hidden,
+        plan.opacity_weight,
+    )
+    known = known_classes(opacity_table(plan.opacity_steps).transparency[index], plan.hidden)
+    scale, scale_values = encode_scale(layout, prepared.log_scale, known, plan.scale, worth["scale"])
     classes = classes_of(known, scale_values)
-    reference = int(np.median(classes.size)) if len(index) else 0
-
-    def sized(rule: StepRule, attribute: str) -> StepRule:
-        return replace(finer(rule, level.exponent(attribute)), reference=min(max(reference, -128), 127))
-
-    rotation_rule, position_rule = sized(rules.ROTATION_RULE, "rotation"), sized(rules.POSITION_RULE, "position")
-    colour_rules = tuple(sized(rule, "colour") for rule in rules.COLOUR_RULES)
-    harmonic_rules = tuple(sized(rule, "harmonic") for rule in rules.HARMONIC_RULES)
+    rotation = encode_rotation(layout, prepared.quaternion, classes, plan.rotation, worth["rotation"])
+    position = encode_position(layout, gaussians.position, classes, plan.position, worth["position"])
     sections = [
-        Section("Counts", encode_layout(numbers, template, by_vertex)),
-        Section("Hidden", encode_hidden(layout, hidden)),
+        Section("Hidden", encode_hidden(layout, plan.hidden)),
         Section("Opacity", opacity),
         Section("Scale", scale),
-        Section("Rotation", encode_rotation(layout, quaternion, classes, rotation_rule, worth)[0]),
-        Section("Position", encode_position(layout, gaussians.position, classes, position_rule, worth)[0]),
-        Section("Colour", encode_colour(layout, gaussians.sh_dc, classes, colour_rules, worth)[0]),
+        Section("Rotation", rotation[0]),
+        Section("Position", position[0]),
+        Section("Colour", encode_colour(layout, gaussians.sh_dc, classes, plan.colour, worth["colour"])[0]),
     ]
     if gaussians.sh_degree:
-        coded = encode_harmonics(gaussians.sh_rest, classes, harmonic_rules, rules.HARMONIC_DEAD_ZONE)[0]
+        coded = encode_harmonics(gaussians.sh_rest, classes, plan.harmonic, rules.HARMONIC_DEAD_ZONE)[0]
         sections.append(Section("Harmonic", coded))
-    return sections, order
+    return sections
 
 
 def places_of(binding: Int[np.ndarray, " n"], template: Template) -> tuple[Int[np.ndarray, " n"], bool]:
@@ -212,11 +216,6 @@ def places_of(binding: Int[np.ndarray, " n"], template: Template) -> tuple[Int[n
     if vertices is None:
         return np.argsort(template.order)[binding], False
     return np.argsort(template.vertices.order)[vertices], True
-
-
-def finer(rule: StepRule, exponent: int) -> StepRule:
-    """Give a rule with so many eighths of an octave added to its base."""
-    return replace(rule, base=rule.base + exponent)
 
 
 def raise_thin_axes(log_scale: Float[np.ndarray, "n 3"], max_thinness: float) -> Float[np.ndarray, "n 3"]:

@@ -17,7 +17,7 @@ from sacha_core.codec.predicted import decode_predicted, encode_predicted
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import Classes, StepRule
 
-__all__ = ["decode_rotation", "encode_rotation", "rotation_vector", "sort_axes"]
+__all__ = ["decode_rotation", "encode_rotation", "rotation_vector", "sort_axes", "turn_slopes"]
 
 UNIT = 2.0**-14
 ROOT_HALF = np.sqrt(0.5)
@@ -73,6 +73,22 @@ def rotation_vector(quaternion: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "
     best = np.argmax(np.abs(turned[:, :, 0]), axis=0)
     chosen = turned[best, np.arange(len(best))]
     return chosen[:, 1:] * np.where(chosen[:, :1] < 0, -1.0, 1.0)  # type: ignore[no-any-return]
+
+
+def turn_slopes(quaternion: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 3 3"]:
+    """How far a Gaussian turns about each of its own axes when each component of `rotation_vector` changes, radians.
+
+    A turn by v changes a unit quaternion q by q (0, v / 2), so v is twice the vector part of q* dq, where dw = -(x dx + y dy + z dz) / w.
+    """
+    x, y, z = rotation_vector(quaternion).T
+    w = np.sqrt(np.maximum(1 - x * x - y * y - z * z, 0.25))
+    columns = []
+    for component in range(3):
+        change = np.zeros((len(x), 4))
+        change[:, 0] = -(x, y, z)[component] / w
+        change[:, component + 1] = 1
+        columns.append(2 * multiply(np.stack([w, -x, -y, -z], axis=1), change)[:, 1:])
+    return np.stack(columns, axis=2)
 
 
 def encode_rotation(

@@ -21,8 +21,8 @@ from sacha_core.codec.reading import ByteReader
 __all__ = ["MAX_EXPONENT", "MAX_HIDDEN", "PER_OCTAVE", "STEPS", "Classes", "StepRule", "dequantise", "quantise"]
 
 PER_OCTAVE = 8
-MAX_HIDDEN = 15
-MAX_EXPONENT = 24 * PER_OCTAVE - 1
+MAX_HIDDEN = 7
+MAX_EXPONENT = 28 * PER_OCTAVE - 1
 STEPS = np.array([math.isqrt(math.isqrt(math.isqrt(1 << e))) for e in range(MAX_EXPONENT + 1)], np.int64)
 LAYOUT = "5bBBB"
 
@@ -53,7 +53,7 @@ class StepRule:
         size: weight of (reference - size class), in quarters: small Gaussians get coarse steps.
         elongation: weight of minus that class, in quarters: long Gaussians get fine steps.
         reference: size class at which size adds nothing.
-        low: the least that the classes may add to the exponent, eighths of an octave.
+        low: the least that these three may add to the exponent, eighths of an octave.
         high: the most that they may add.
         base: exponent of a Gaussian to which the classes add nothing.
         hidden: weight of that class, 0 or more: what is hidden gets coarse steps.
@@ -71,13 +71,18 @@ class StepRule:
     def shift(self, classes: Classes) -> Int[np.ndarray, " n"]:
         """What the classes add to the exponent of each Gaussian."""
         total = self.transparency * classes.transparency + self.size * (self.reference - classes.size)
-        total += self.hidden * classes.hidden - self.elongation * classes.elongation
-        return np.asarray(np.clip(total, self.low, self.high))
+        seen = np.clip(total - self.elongation * classes.elongation, self.low, self.high)
+        return np.asarray(seen + self.hidden * classes.hidden)
+
+    @property
+    def most(self) -> int:
+        """The largest shift."""
+        return self.high + self.hidden * MAX_HIDDEN
 
     @property
     def n_step_classes(self) -> int:
         """How many octaves of steps there are."""
-        return (self.high - self.low) // PER_OCTAVE + 1
+        return (self.most - self.low) // PER_OCTAVE + 1
 
     def step_class(self, classes: Classes) -> Int[np.ndarray, " n"]:
         """Octave of each Gaussian's step, from 0."""
@@ -99,9 +104,9 @@ class StepRule:
             FormatError: an exponent would leave the table of steps.
         """
         rule = cls(*reader.unpack(LAYOUT))
-        if not (rule.low <= rule.high and rule.base + rule.low >= 0 and rule.base + rule.high <= MAX_EXPONENT):
+        if not (rule.low <= rule.high and rule.base + rule.low >= 0 and rule.base + rule.most <= MAX_EXPONENT):
             raise reader.error(
-                f"steps reach from {rule.base + rule.low} to {rule.base + rule.high}, table is 0 to {MAX_EXPONENT}"
+                f"steps reach from {rule.base + rule.low} to {rule.base + rule.most}, table is 0 to {MAX_EXPONENT}"
             )
         return rule
 

@@ -13,7 +13,7 @@ from sacha_core.codec.contexts import SIZE_CLASSES, ContextPlan, Sizes
 from sacha_core.codec.fitting import descend, fit_plan
 from sacha_core.codec.order import KINDS, MATES, Layout, layout_by_triangle
 from sacha_core.codec.reading import ByteReader
-from sacha_core.codec.steps import STEPS
+from sacha_core.codec.steps import MAX_EXPONENT, STEPS
 from sacha_core.codec.template import unknown_template
 from sacha_core.errors import FormatError
 
@@ -27,7 +27,7 @@ def layout_of(counts: list[int]) -> Layout:
 def random_plan(n_components: int, rng: np.random.Generator) -> ContextPlan:
     return ContextPlan(
         rng.integers(0, 256, (n_components, 2, 3 + n_components)),
-        rng.integers(0, 192, (n_components, 2)),
+        rng.integers(0, MAX_EXPONENT + 1, (n_components, 2)),
         rng.integers(0, 256, (n_components, KINDS)),
     )
 
@@ -38,7 +38,7 @@ def test_contexts_are_what_the_specification_says(counts, n_components, seed):
     rng = np.random.default_rng(seed)
     layout, plan = layout_of(counts), random_plan(n_components, rng)
     n = sum(counts)
-    steps = STEPS[rng.integers(0, 192, (n, n_components))]
+    steps = STEPS[rng.integers(0, MAX_EXPONENT + 1, (n, n_components))]
     levels = rng.integers(-9, 10, (n, n_components)) * rng.choice([1, 1000, 1 << 24])
     sizes, known = Sizes(steps), [[0] * n_components for _ in range(n)]
 
@@ -79,8 +79,8 @@ def test_plans_come_back(n_components, seed):
 
 
 def test_numbers_out_of_range_are_refused():
-    plan = ContextPlan(np.zeros((1, 2, 4), np.int64), np.full((1, 2), 192), np.zeros((1, 4), np.int64))
-    with pytest.raises(FormatError, match="outside 0 to 191"):
+    plan = ContextPlan(np.zeros((1, 2, 4), np.int64), np.full((1, 2), MAX_EXPONENT + 1), np.zeros((1, 4), np.int64))
+    with pytest.raises(FormatError, match="outside 0 to 223"):
         ContextPlan.unpack(ByteReader(plan.pack(), "x"), 1)
 
 

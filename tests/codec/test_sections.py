@@ -123,7 +123,7 @@ def test_opacity_index_is_the_nearest(logits, n_steps):
     assert np.abs(index - angle).max() <= 0.5 + 1e-6
 
 
-@given(counts_lists, st.integers(0, 15), st.integers(0, 50))
+@given(counts_lists, st.integers(0, 7), st.integers(0, 50))
 def test_hidden(counts, most, seed):
     layout = layout_of(counts)
     hidden = np.random.default_rng(seed).integers(0, most + 1, sum(counts))
@@ -132,8 +132,8 @@ def test_hidden(counts, most, seed):
 
 def test_class_out_of_range_is_refused():
     layout = layout_of([3])
-    data = encode_hidden(layout, np.array([1, 16, 2]))
-    with pytest.raises(FormatError, match="outside 0 to 15"):
+    data = encode_hidden(layout, np.array([1, 8, 2]))
+    with pytest.raises(FormatError, match="outside 0 to 7"):
         decode_hidden(reader(data), layout)
 
 
@@ -143,7 +143,7 @@ def test_scale(counts, spread, seed):
     rng = np.random.default_rng(seed)
     log_scale = -np.sort(-rng.normal(-3, spread, (sum(counts), 3)), axis=1)
     transparency = rng.integers(0, 25, sum(counts))
-    known = known_classes(transparency, rng.integers(0, 16, sum(counts)))
+    known = known_classes(transparency, rng.integers(0, 8, sum(counts)))
     data, expected = encode_scale(layout, log_scale, known, SCALE_RULES)
     decoded, integers = decode_scale(reader(data), layout, known)
     assert np.array_equal(integers, expected)

@@ -1,0 +1,151 @@
+"""What an encoder decides before it codes: step rules, hidden classes, and what errors are worth against bits.
+
+By the rules of the level alone, or with what every number of the avatar was measured to be worth (`allocation`).
+
+Source: own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.codec import levels as rules
+from sacha_core.codec.allocation import FINER, hidden_classes
+from sacha_core.codec.choice import Worth
+from sacha_core.codec.colour import TO_RGB
+from sacha_core.codec.colour import UNIT as COLOUR_UNIT
+from sacha_core.codec.importance import GaussianImportance
+from sacha_core.codec.levels import Level
+from sacha_core.codec.opacity import MAX_STEPS, opacity_table
+from sacha_core.codec.order import Layout
+from sacha_core.codec.position import UNIT as POSITION_UNIT
+from sacha_core.codec.position import position_steps
+from sacha_core.codec.rotation import UNIT as ROTATION_UNIT
+from sacha_core.codec.rotation import turn_slopes
+from sacha_core.codec.scale import UNIT as SCALE_UNIT
+from sacha_core.codec.scale import classes_of, known_classes, triangle_log_size
+from sacha_core.codec.steps import PER_OCTAVE, Classes, StepRule
+
+__all__ = ["Plan", "Prepared", "plan_by_rules", "plan_by_worth"]
+
+WORTH_RANGE = 8.0  # weights of the chooser stay within this factor of 1
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Gaussians in coding order, as they enter the sections.
+
+    Args:
+        layout: where they lie.
+        gaussians: themselves.
+        index: (n,) opacity indices of the level.
+        log_scale: (n, 3) sorted, largest first.
+        quaternion: (n, 4) that match.
+    """
+
+    layout: Layout
+    gaussians: Gaussians
+    index: Int[np.ndarray, " n"]
+    log_scale: Float[np.ndarray, "n 3"]
+    quaternion: Float[np.ndarray, "n 4"]
+
+    def classes(self, n_steps: int) -> Classes:
+        """Classes before anything is quantised; nothing is hidden."""
+        known = known_classes(opacity_table(n_steps).transparency[self.index], np.zeros_like(self.index))
+        scale = np.rint(self.log_scale / SCALE_UNIT).astype(np.int64) + triangle_log_size(self.layout)[:, None]
+        return classes_of(known, scale)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Decisions.
+
+    Args:
+        hidden: (n,) classes.
+        opacity_steps: from transparent to opaque.
+        opacity_weight: of hidden classes in the spacing of opacities.
+        scale, rotation, position, colour, harmonic: step rules.
+        worth: of the errors and bits of each of these.
+    """
+
+    hidden: Int[np.ndarray, " n"]
+    opacity_steps: int
+    opacity_weight: int
+    scale: tuple[StepRule, ...]
+    rotation: StepRule
+    position: StepRule
+    colour: tuple[StepRule, ...]
+    harmonic: tuple[StepRule, ...]
+    worth: dict[str, Worth]
+
+
+def plan_by_rules(prepared: Prepared, level: Level) -> Plan:
+    """Decide by the rules of a level."""
+    size = prepared.classes(level.opacity_steps).size
+    reference = min(max(int(np.median(size)) if len(size) else 0, -128), 127)
+
+    def at(rule: StepRule, attribute: str) -> StepRule:
+        return replace(rule, base=rule.base + level.exponent(attribute), reference=reference)
+
+    return Plan(
+        hidden=np.zeros_like(prepared.index),
+        opacity_steps=level.opacity_steps,
+        opacity_weight=0,
+        scale=tuple(at(rule, "scale") for rule in rules.SCALE_RULES),
+        rotation=at(rules.ROTATION_RULE, "rotation"),
+        position=at(rules.POSITION_RULE, "position"),
+        colour=tuple(at(rule, "colour") for rule in rules.COLOUR_RULES),
+        harmonic=tuple(at(rule, "harmonic") for rule in rules.HARMONIC_RULES),
+        worth=dict.fromkeys(("scale", "rotation", "position", "colour"), Worth(level.lagrangian)),
+    )
+
+
+def plan_by_worth(prepared: Prepared, level: Level, importance: GaussianImportance, plain: Plan) -> Plan:
+    """Add to a plan by rules how hidden each Gaussian is, and what every number is worth."""
+    costs = costs_of(prepared, level, importance, plain)
+    total = np.sum([cost.sum(axis=1) for cost in costs.values()], axis=0)
+    hidden = hidden_classes(total)
+
+    def spread(rule: StepRule) -> StepRule:
+        return replace(rule, base=rule.base - FINER * PER_OCTAVE, hidden=PER_OCTAVE)
+
+    mean = total.sum() / sum(cost.size for cost in costs.values())
+    step = 4.0 ** (hidden - FINER)[:, None] / max(mean, 1e-30)
+
+    def worth(name: str) -> Worth:
+        return Worth(level.lagrangian, np.clip(costs[name] * step, 1 / WORTH_RANGE, WORTH_RANGE))
+
+    return replace(
+        plain,
+        hidden=hidden,
+        opacity_steps=min(plain.opacity_steps << FINER, MAX_STEPS),
+        opacity_weight=PER_OCTAVE,
+        scale=tuple(spread(rule) for rule in plain.scale),
+        rotation=spread(plain.rotation),
+        position=spread(plain.position),
+        colour=tuple(spread(rule) for rule in plain.colour),
+        worth={name: worth(name) for name in plain.worth},
+    )
+
+
+def costs_of(
+    prepared: Prepared, level: Level, importance: GaussianImportance, plan: Plan
+) -> dict[str, Float[np.ndarray, "n c"]]:
+    """Give what an error of a step of each component costs."""
+    classes = prepared.classes(level.opacity_steps)
+    scales = np.stack([rule.steps(classes) for rule in plan.scale], axis=1) * SCALE_UNIT
+    turns = plan.rotation.steps(classes)[:, None] * ROTATION_UNIT
+    turned = np.einsum("na,nac->nc", importance.rotation, turn_slopes(prepared.quaternion) ** 2)
+    moves = position_steps(prepared.layout, classes, plan.position) * POSITION_UNIT
+    colours = np.stack([rule.steps(classes) for rule in plan.colour], axis=1) * COLOUR_UNIT
+    return {
+        "opacity": importance.opacity[:, None] * (np.pi / 2 / level.opacity_steps) ** 2,
+        "scale": importance.log_scale * scales**2,
+        "rotation": turned * turns**2,
+        "position": importance.position.mean(axis=1, keepdims=True) * np.ones(3) * moves**2,
+        "colour": importance.sh_dc @ TO_RGB**2 * colours**2,
+    }
