@@ -1,7 +1,7 @@
-"""The golden streams: files of published versions that must decode to the same bits for ever.
+"""The golden streams: one file for every level and profile, and for what else the format has; they decode to the same bits for ever.
 
-`python tests/codec/golden_streams.py NAME ...` writes the named ones anew, deliberately: only for a stream that was never published, or
-with a new major version of the format and a line in CHANGELOG. A test run never writes them.
+`python tests/codec/golden_streams.py NAME ...` (or `all`) writes the named ones anew, deliberately: only for a stream that was never
+published, or with a new major version of the format and a line in CHANGELOG. A test run never writes them.
 """
 
 from __future__ import annotations
@@ -10,24 +10,43 @@ import hashlib
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from synthetic_avatars import random_avatar, small_head
+from synthetic_avatars import random_avatar, small_head, smooth_avatar, vertex_avatar
 
 from sacha_core.avatar.avatar import Avatar
-from sacha_core.codec import decode, encode
+from sacha_core.codec import decode, encode, encode_archive, encode_paper
 
 FOLDER = Path(__file__).parents[1] / "golden"
 DIGESTS = FOLDER / "digests.json"
+HARMONICS = {1: 15, 2: 8, 3: 3, 4: 15}  # of the stream of each level
 
 
-def bound_to_a_head() -> bytes:
-    """Everything at once: head inside, all harmonics, offsets, several groups of motion."""
+def at_level(level: int) -> bytes:
+    """A head inside, Gaussians that vary smoothly over it, several groups of motion."""
     head = small_head()
-    avatar = random_avatar(90, n_frames=14, n_harmonics=15, seed=1, head=head)
-    return encode(avatar, 2, head=head, embed_head=True, group_frames=5)
+    avatar = smooth_avatar(150, head, n_frames=14, n_harmonics=HARMONICS[level], seed=level)
+    return encode(avatar, level, head=head, embed_head=True, group_frames=5)
+
+
+def rough() -> bytes:
+    """Numbers without any order, some far out: raw bits, steps at both ends of their rules."""
+    head = small_head()
+    avatar = random_avatar(90, n_frames=3, n_harmonics=3, seed=1, head=head)
+    avatar.gaussians.position[::3] *= 3000
+    avatar.gaussians.log_scale[::5] -= 20
+    avatar.gaussians.opacity_logit[::7] = 30
+    avatar.gaussians.sh_dc[::9] *= 900
+    return encode(avatar, 4, head=head, embed_head=True, drop_invisible=False)
+
+
+def by_vertex() -> bytes:
+    """One Gaussian for nearly every vertex of the once-subdivided head."""
+    head = small_head()
+    return encode(vertex_avatar(head, seed=5), 2, head=head, embed_head=True)
 
 
 def without_head() -> bytes:
@@ -41,10 +60,26 @@ def empty() -> bytes:
     return encode(random_avatar(0, n_frames=0, seed=3), 1)
 
 
+def archive() -> bytes:
+    """Every bit, sensitivities and motion too."""
+    avatar = smooth_avatar(80, small_head(), n_frames=9, n_harmonics=15, seed=6)
+    logits = np.random.default_rng(6).normal(size=80).astype(np.float32)
+    return encode_archive(replace(avatar, gaussians=replace(avatar.gaussians, sensitivity_logit=logits)))
+
+
+def paper(level: int) -> bytes:
+    """The paper's profile by this project's own coder."""
+    return encode_paper(smooth_avatar(80, small_head(), n_frames=6, n_harmonics=HARMONICS[level], seed=7), level)
+
+
 STREAMS: dict[str, Callable[[], bytes]] = {
-    "v1_head_motion": bound_to_a_head,
-    "v1_plain": without_head,
-    "v1_empty": empty,
+    **{f"v2_level_{level}": partial(at_level, level) for level in (1, 2, 3, 4)},
+    **{f"v2_paper_{level}": partial(paper, level) for level in (1, 2, 3, 4)},
+    "v2_archive": archive,
+    "v2_rough": rough,
+    "v2_vertices": by_vertex,
+    "v2_plain": without_head,
+    "v2_empty": empty,
 }
 
 
@@ -67,7 +102,7 @@ def digests_of(data: bytes) -> dict[str, str]:
 def main(names: list[str]) -> None:
     """Write the named streams and their digests."""
     known = json.loads(DIGESTS.read_text()) if DIGESTS.is_file() else {}
-    for name in names:
+    for name in STREAMS if names == ["all"] else names:
         data = STREAMS[name]()
         (FOLDER / f"{name}.sacha").write_bytes(data)
         known[name] = digests_of(data)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
+from sacha_core.codec.anchors import vertex_triangles
+from sacha_core.codec.template import template_of
 from sacha_core.flame.model import HeadModel, HeadReference
 
 HEAD = HeadReference("random", "0123456789abcdef" * 4, 120, 200)
@@ -83,3 +87,33 @@ def small_head(seed: int = 0) -> HeadModel:
         parents=np.array([-1], np.int32),
         masks={"face": np.arange(20, dtype=np.int32)},
     )
+
+
+def smooth_avatar(n: int, head: HeadModel, n_frames: int = 30, n_harmonics: int = 15, seed: int = 0) -> Avatar:
+    """Give an avatar whose attributes vary smoothly over its head, with some noise: what prediction finds something in."""
+    avatar = random_avatar(n, n_frames, n_harmonics, seed, head)
+    g = avatar.gaussians
+    corner = head.v_template[head.faces[g.binding, 0]] / np.abs(head.v_template).max()
+    rng = np.random.default_rng(seed)
+
+    def over_head(values: np.ndarray) -> np.ndarray:
+        width = values.reshape(n, values[:1].size).shape[1]
+        wave = np.sin(3 * corner.astype(np.float64) @ rng.normal(0, 1, (3, width)) + rng.uniform(0, 6, width))
+        return (values * 0.2 + wave.reshape(values.shape) * values.std()).astype(np.float32)
+
+    smooth = {
+        name: over_head(getattr(g, name))
+        for name in ("position", "log_scale", "opacity_logit", "sh_dc", "sh_rest")
+        if n and getattr(g, name).size
+    }
+    return replace(avatar, gaussians=replace(g, **smooth))
+
+
+def vertex_avatar(head: HeadModel, n_harmonics: int = 3, seed: int = 0) -> Avatar:
+    """Give an avatar with a Gaussian for all but some vertices of the once-subdivided head, in their order."""
+    template = template_of(head.v_template, head.faces)
+    triangle = vertex_triangles(template)
+    chosen = np.flatnonzero((triangle >= 0) & (np.random.default_rng(seed).random(len(triangle)) < 0.9))
+    avatar = smooth_avatar(len(chosen), head, 0, n_harmonics, seed)
+    gaussians = replace(avatar.gaussians, binding=triangle[chosen].astype(np.int32))
+    return Avatar(gaussians, head.reference)
