@@ -23,28 +23,14 @@ from sacha_core.codec import decode
 PACKAGE = Path(sacha_core.__file__).parent
 # IEEE 754 defines + - * / and the root to the last bit; the rest is left to whoever wrote the platform's library
 INEXACT = (
-    "exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "logaddexp", "pow", "power", "float_power", "cbrt", "hypot", "sin", "cos",
-    "tan", "asin", "acos", "atan", "atan2", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh", "arcsinh", "arccosh", "arctanh",
-    "sinc", "interp", "gamma", "lgamma", "erf",
+    "exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "logaddexp", "pow", "power", "float_power", "cbrt", "hypot", "sin",
+    "cos", "tan", "asin", "acos", "atan", "atan2", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh", "arcsinh",
+    "arccosh", "arctanh", "sinc", "interp", "gamma", "lgamma", "erf",
 )  # fmt: skip
 # sums of products in an order, and with fused operations, that is a library's own
 UNORDERED = (
-    "dot",
-    "vdot",
-    "inner",
-    "matmul",
-    "einsum",
-    "tensordot",
-    "convolve",
-    "norm",
-    "inv",
-    "solve",
-    "lstsq",
-    "svd",
-    "pinv",
-    "eigh",
-    "fma",
-)
+    "dot", "vdot", "inner", "matmul", "einsum", "tensordot", "convolve", "norm", "inv", "solve", "lstsq", "svd", "pinv", "eigh", "fma",
+)  # fmt: skip
 PROGRAM = """
     import functools, json, math, sys
     import numpy as np
