@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from sacha_core.avatar.binding import initial_gaussians
     from sacha_core.avatar.gaussians import Gaussians
     from sacha_core.avatar.motion import Motion
-    from sacha_core.codec import decode, encode, inspect
+    from sacha_core.codec import Decoder, Encoder, decode, encode, inspect
     from sacha_core.errors import SachaError
     from sacha_core.flame.model import HeadModel
     from sacha_core.flame.open import open_head
@@ -29,6 +29,8 @@ __version__ = "0.1.0"
 __all__ = [
     "Avatar",
     "Camera",
+    "Decoder",
+    "Encoder",
     "Gaussians",
     "HeadModel",
     "Motion",
@@ -48,6 +50,8 @@ __all__ = [
 _HOMES = {
     "Avatar": "avatar.avatar",
     "Camera": "raster.camera",
+    "Decoder": "codec",
+    "Encoder": "codec",
     "Gaussians": "avatar.gaussians",
     "HeadModel": "flame.model",
     "Motion": "avatar.motion",

@@ -7,10 +7,15 @@ from sacha_core.codec.decoder import AvatarStream, decode, embedded_head, open_s
 from sacha_core.codec.encoder import encode
 from sacha_core.codec.inspection import Inspection, SectionSize, inspect
 from sacha_core.codec.paper_encoder import encode_paper
+from sacha_core.codec.receiving import Decoder, Received
+from sacha_core.codec.sending import Encoder, packets_of
 
 __all__ = [
     "AvatarStream",
+    "Decoder",
+    "Encoder",
     "Inspection",
+    "Received",
     "SectionSize",
     "decode",
     "embedded_head",
@@ -19,4 +24,5 @@ __all__ = [
     "encode_paper",
     "inspect",
     "open_stream",
+    "packets_of",
 ]

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from sacha_core.avatar.motion import Motion
 from sacha_core.codec.adaptive import AdaptiveDecoder, AdaptiveEncoder
 from sacha_core.codec.kernels import frames, residuals
 from sacha_core.codec.reading import ByteReader
 
-__all__ = ["MAX_PARTNERS", "PARAMETERS", "FrameModel", "columns_of", "steps_of"]
+__all__ = ["MAX_PARTNERS", "PARAMETERS", "FrameModel", "columns_of", "parameters_of", "steps_of"]
 
 PARAMETERS = ("expression", "rotation", "neck", "jaw", "eyes", "translation")
 WIDTHS = (0, 3, 3, 3, 6, 3)  # of an expression the header tells
@@ -153,6 +154,11 @@ class FrameModel:
 def columns_of(n_expression: int) -> Int[np.ndarray, " p"]:
     """Give the parameter that each number of a frame belongs to."""
     return np.repeat(np.arange(len(PARAMETERS)), [n_expression, *WIDTHS[1:]])
+
+
+def parameters_of(motion: Motion) -> Float[np.ndarray, "t p"]:
+    """Give the parameters of all frames, in the order of the stream."""
+    return np.concatenate([getattr(motion, name) for name in PARAMETERS], axis=1)
 
 
 def steps_of(unit: float, exponents: Int[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:

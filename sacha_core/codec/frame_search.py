@@ -12,11 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from sacha_core.avatar.motion import Motion
 from sacha_core.codec.adaptive import compiled_kernels
 from sacha_core.codec.displacement import error_of
 from sacha_core.codec.frame_coder import Chosen, choose_frames
 from sacha_core.codec.frame_fit import adopted, first_model, mates_of, refit, rescaled
-from sacha_core.codec.frame_model import FrameModel
+from sacha_core.codec.frame_model import FrameModel, parameters_of
 from sacha_core.codec.kernels.frames import FINE
 
 __all__ = ["FrameTask", "choose_groups", "search_frames"]
@@ -54,6 +55,10 @@ class FrameTask:
     def weighted(self) -> Float[np.ndarray, "p p"]:
         """Inner products of displacements, or what makes all of them unrelated and steps the fixed ones."""
         return np.diag(self.fixed_steps**-2.0) if self.products is None else self.products
+
+    def over(self, motion: Motion) -> FrameTask:
+        """Give the same task for other frames."""
+        return replace(self, values=parameters_of(motion))
 
     def sample(self) -> FrameTask:
         """Give the same task for no more than some groups."""

@@ -117,6 +117,11 @@ class MotionReader:
         return self._head.group_frames
 
     @property
+    def model(self) -> FrameModel:
+        """How frames are expected, for all groups."""
+        return self._head.model
+
+    @property
     def n_parameters(self) -> int:
         """Numbers of a frame."""
         return len(self._head.model.kinds)

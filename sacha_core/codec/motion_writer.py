@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from sacha_core.avatar.motion import Motion
 from sacha_core.codec.frame_coder import encode_frames
-from sacha_core.codec.frame_model import PARAMETERS, FrameModel, columns_of
+from sacha_core.codec.frame_model import FrameModel, columns_of, parameters_of
 from sacha_core.codec.frame_search import FrameTask, choose_groups, search_frames
 from sacha_core.codec.levels import Level
 
@@ -21,11 +21,6 @@ __all__ = ["encode_groups", "encode_motion", "frame_task", "pack_motion"]
 
 STEP_OF = (0, 1, 1, 1, 1, 2)  # expression, angle, translation
 MM = 1e-3
-
-
-def parameters_of(motion: Motion) -> Float[np.ndarray, "t p"]:
-    """Give the parameters of all frames, in the order of the stream."""
-    return np.concatenate([getattr(motion, name) for name in PARAMETERS], axis=1)
 
 
 def frame_task(
