@@ -128,7 +128,7 @@ SCALE_RULES = (
     StepRule(3, 0, 0, 0, 0, 44, 71),
     StepRule(3, 0, 0, 0, 0, 48, 75),
 )
-ROTATION_RULE = StepRule(5, 6, 3, 0, -12, 48, 79)
+ROTATION_RULES = (StepRule(5, 6, 3, 0, -12, 48, 79),) * 3  # about the longest, the middle and the shortest axis
 POSITION_RULE = StepRule(4, 1, 1, 0, -8, 68, 95)
 COLOUR_RULES = (  # luma, then the colour differences
     StepRule(4, 2, 0, 0, -24, 44, 79),

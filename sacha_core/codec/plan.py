@@ -22,13 +22,13 @@ from sacha_core.codec.importance import GaussianImportance
 from sacha_core.codec.levels import Level
 from sacha_core.codec.opacity import MAX_STEPS, opacity_table
 from sacha_core.codec.order import Layout
+from sacha_core.codec.position import TRIANGLE, position_steps
 from sacha_core.codec.position import UNIT as POSITION_UNIT
-from sacha_core.codec.position import position_steps
-from sacha_core.codec.rotation import UNIT as ROTATION_UNIT
-from sacha_core.codec.rotation import turn_slopes
+from sacha_core.codec.rotation import steps_of as rotation_steps
 from sacha_core.codec.scale import UNIT as SCALE_UNIT
 from sacha_core.codec.scale import classes_of, known_classes, triangle_log_size
 from sacha_core.codec.steps import PER_OCTAVE, Classes, StepRule
+from sacha_core.codec.turning import UNIT as ROTATION_UNIT
 
 __all__ = ["Plan", "Prepared", "plan_by_rules", "plan_by_worth"]
 
@@ -76,7 +76,7 @@ class Plan:
     opacity_steps: int
     opacity_weight: int
     scale: tuple[StepRule, ...]
-    rotation: StepRule
+    rotation: tuple[StepRule, ...]
     position: StepRule
     colour: tuple[StepRule, ...]
     harmonic: tuple[StepRule, ...]
@@ -96,7 +96,7 @@ def plan_by_rules(prepared: Prepared, level: Level) -> Plan:
         opacity_steps=level.opacity_steps,
         opacity_weight=0,
         scale=tuple(at(rule, "scale") for rule in rules.SCALE_RULES),
-        rotation=at(rules.ROTATION_RULE, "rotation"),
+        rotation=tuple(at(rule, "rotation") for rule in rules.ROTATION_RULES),
         position=at(rules.POSITION_RULE, "position"),
         colour=tuple(at(rule, "colour") for rule in rules.COLOUR_RULES),
         harmonic=tuple(at(rule, "harmonic") for rule in rules.HARMONIC_RULES),
@@ -125,7 +125,7 @@ def plan_by_worth(prepared: Prepared, level: Level, importance: GaussianImportan
         opacity_steps=min(plain.opacity_steps << FINER, MAX_STEPS),
         opacity_weight=PER_OCTAVE,
         scale=tuple(spread(rule) for rule in plain.scale),
-        rotation=spread(plain.rotation),
+        rotation=tuple(spread(rule) for rule in plain.rotation),
         position=spread(plain.position),
         colour=tuple(spread(rule) for rule in plain.colour),
         worth={name: worth(name) for name in plain.worth},
@@ -138,14 +138,13 @@ def costs_of(
     """Give what an error of a step of each component costs."""
     classes = prepared.classes(level.opacity_steps)
     scales = np.stack([rule.steps(classes) for rule in plan.scale], axis=1) * SCALE_UNIT
-    turns = plan.rotation.steps(classes)[:, None] * ROTATION_UNIT
-    turned = np.einsum("na,nac->nc", importance.rotation, turn_slopes(prepared.quaternion) ** 2)
-    moves = position_steps(prepared.layout, classes, plan.position) * POSITION_UNIT
+    turns = rotation_steps(plan.rotation, classes) * (2 * ROTATION_UNIT)  # a quaternion's vector is half the angle
+    moves = position_steps(prepared.layout, classes, plan.position, TRIANGLE) * POSITION_UNIT
     colours = np.stack([rule.steps(classes) for rule in plan.colour], axis=1) * COLOUR_UNIT
     return {
         "opacity": importance.opacity[:, None] * (np.pi / 2 / level.opacity_steps) ** 2,
         "scale": importance.log_scale * scales**2,
-        "rotation": turned * turns**2,
+        "rotation": importance.rotation * turns**2,
         "position": importance.position.mean(axis=1, keepdims=True) * np.ones(3) * moves**2,
         "colour": importance.sh_dc @ TO_RGB**2 * colours**2,
     }

@@ -1,38 +1,85 @@
-"""Section `Position`: means in the frames of their triangles.
+r"""Section `Position`: means in the frames of their triangles, or in world axes, from where their place lies on the unposed head.
+
+Where places are triangles they lie at the centroid, where places are vertices, at the vertex. Whichever domain takes fewer bytes.
 
 Source: own.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.codec.choice import PLAIN, Worth
+from sacha_core.codec.frames import rest_frames
 from sacha_core.codec.order import Layout
 from sacha_core.codec.predicted import decode_predicted, encode_predicted
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import MAX_EXPONENT, PER_OCTAVE, STEPS, Classes, StepRule, dequantise
 
-__all__ = ["decode_position", "encode_position"]
+__all__ = ["TRIANGLE", "WORLD", "decode_position", "encode_position"]
 
+TRIANGLE, WORLD = 0, 1  # domains
 UNIT = 2.0**-16  # of a triangle's scale
-DOMAIN_TRIANGLE = 0  # the only domain of version 1; others are to come
+PER_CELL = 16  # units of the world in a cell of the template's grid
 
 
-def position_steps(layout: Layout, classes: Classes, rule: StepRule) -> Int[np.ndarray, "n 1"]:
-    """Steps in triangle units that are alike in metres."""
-    exponent = rule.base + rule.shift(classes) - layout.triangle_size * (PER_OCTAVE // 2)  # sizes are half octaves
+def position_steps(layout: Layout, classes: Classes, rule: StepRule, domain: int) -> Int[np.ndarray, "n 1"]:
+    """Steps that are alike in metres."""
+    exponent = rule.base + rule.shift(classes)
+    if domain == TRIANGLE:
+        exponent = exponent - layout.triangle_size * (PER_OCTAVE // 2)  # sizes are half octaves
     return np.asarray(STEPS[np.clip(exponent, 0, MAX_EXPONENT)])[:, None]
 
 
 def encode_position(
     layout: Layout, position: Float[np.ndarray, "n 3"], classes: Classes, rule: StepRule, worth: Worth = PLAIN
-) -> tuple[bytes, Int[np.ndarray, "n 3"]]:
-    """Code positions; give the section and the decoder's integers."""
+) -> tuple[bytes, Float[np.ndarray, "n 3"]]:
+    """Code positions by a rule for triangle units; give the section and what the decoder will have."""
     values = np.rint(position.astype(np.float64) / UNIT).astype(np.int64)
-    coded, decoded = encode_predicted(layout, values, position_steps(layout, classes, rule), worth)
-    return bytes([DOMAIN_TRIANGLE]) + rule.pack() + coded, decoded
+    coded, decoded = encode_predicted(layout, values, position_steps(layout, classes, rule, TRIANGLE), worth)
+    best = bytes([TRIANGLE]) + rule.pack() + coded
+    result = dequantise(decoded, UNIT)
+    if layout.template.known:
+        rule = rule_for_world(layout, rule)
+        values = to_world(layout, position)
+        coded, decoded = encode_predicted(layout, values, position_steps(layout, classes, rule, WORLD), worth)
+        if len(coded) + 1 + len(rule.pack()) < len(best):
+            return bytes([WORLD]) + rule.pack() + coded, from_world(layout, decoded)
+    return best, result
+
+
+def rule_for_world(layout: Layout, rule: StepRule) -> StepRule:
+    """Give the rule that makes the same steps in units of the world, as far as one can."""
+    if not len(layout):
+        return rule
+    octaves = np.log2(rest_frames(layout.template, layout.binding).scale * (PER_CELL * UNIT)) - layout.triangle_size / 2
+    base = rule.base + round(PER_OCTAVE * float(np.median(octaves)))
+    return replace(rule, base=min(max(base, -rule.low, 0), MAX_EXPONENT - max(rule.high, 0)))
+
+
+def place_offset(layout: Layout, sums: Int[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    """Give where each Gaussian's place lies from the centroid of its triangle, grid cells."""
+    if layout.anchors is None:
+        return np.zeros((len(layout), 3))
+    return np.asarray((layout.anchors * 3 - sums * 2) / 6.0)
+
+
+def to_world(layout: Layout, position: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n 3"]:
+    """Give offsets from the places, in units of the world."""
+    frames = rest_frames(layout.template, layout.binding)
+    offset = np.einsum("ijn,nj->ni", frames.axes, position.astype(np.float64)) * frames.scale[:, None]
+    return np.asarray(np.rint((offset - place_offset(layout, frames.sums)) * PER_CELL).astype(np.int64))
+
+
+def from_world(layout: Layout, values: Int[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    """Give positions in the frames of the triangles, float32."""
+    frames = rest_frames(layout.template, layout.binding)
+    x, y, z = (values / float(PER_CELL) + place_offset(layout, frames.sums)).T
+    columns = [((a * x + b * y) + c * z) / frames.scale for a, b, c in frames.axes.swapaxes(0, 1)]
+    return np.stack(columns, axis=1).astype(np.float32)
 
 
 def decode_position(reader: ByteReader, layout: Layout, classes: Classes) -> Float[np.ndarray, "n 3"]:
@@ -42,7 +89,8 @@ def decode_position(reader: ByteReader, layout: Layout, classes: Classes) -> Flo
         FormatError: an unknown domain, or bytes that no encoder writes.
     """
     (domain,) = reader.unpack("B")
-    if domain != DOMAIN_TRIANGLE:
-        raise reader.error(f"positions in domain {domain}; this decoder knows 0, the triangle's frame")
+    if domain not in (TRIANGLE, WORLD) or (domain == WORLD and not layout.template.known):
+        raise reader.error(f"domain {domain}, expected {TRIANGLE} (triangles) or, with the head, {WORLD} (world)")
     rule = StepRule.unpack(reader)
-    return dequantise(decode_predicted(reader, layout, position_steps(layout, classes, rule), 3), UNIT)
+    values = decode_predicted(reader, layout, position_steps(layout, classes, rule, domain), 3)
+    return from_world(layout, values) if domain == WORLD else dequantise(values, UNIT)

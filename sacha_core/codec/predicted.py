@@ -1,12 +1,15 @@
 """Attributes coded pass by pass: each value predicted from those already decoded, the difference quantised and entropy coded.
 
-Encoder and decoder run the same prediction on the same reconstructed integers, so that errors never add up. How values are predicted
-(`prediction`), under which contexts levels are coded (`contexts`) and which level a difference gets (`choice`) is plugged in.
+Encoder and decoder run the same prediction on the same reconstructed numbers, so that errors never add up. How values are predicted
+(`prediction`, `turning`), under which contexts levels are coded (`contexts`) and which level a difference gets (`choice`) is plugged in.
 
 Source: own.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Int
@@ -15,11 +18,13 @@ from sacha_core.codec.choice import PLAIN, Chooser, Worth
 from sacha_core.codec.contexts import SIZE_CLASSES, ContextPlan, Sizes
 from sacha_core.codec.fitting import fit_plan
 from sacha_core.codec.order import Layout
-from sacha_core.codec.prediction import LIMIT, Mixture, fit_mixture
+from sacha_core.codec.prediction import LIMIT, Linear, Mixture, Prediction, fit_mixture
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.symbols import SymbolReader, SymbolWriter
 
-__all__ = ["decode_predicted", "encode_predicted"]
+__all__ = ["decode_levels", "decode_predicted", "encode_levels", "encode_predicted"]
+
+P = TypeVar("P", bound=Prediction)
 
 
 def encode_predicted(
@@ -36,42 +41,54 @@ def encode_predicted(
     Returns:
         The bytes, and the values as the decoder will have them.
     """
-    steps = np.broadcast_to(steps, values.shape)
-    predictor = fit_mixture(layout, values)
-    levels, decoded = choose_levels(layout, values, steps, predictor, None, Chooser())
+    mixture = fit_mixture(layout, values)
+    coded, known = encode_levels(layout, lambda: Linear(mixture, values), np.broadcast_to(steps, values.shape), worth)
+    return mixture.pack() + coded, known.values
+
+
+def encode_levels(
+    layout: Layout, start: Callable[[], P], steps: Int[np.ndarray, "n c"], worth: Worth = PLAIN
+) -> tuple[bytes, P]:
+    """Code what a prediction leaves.
+
+    Args:
+        layout: where the Gaussians lie.
+        start: makes the prediction anew; an encoder may run it several times.
+        steps: quantiser steps.
+        worth: of errors and bits.
+
+    Returns:
+        The bytes, and the prediction with all that was decoded.
+    """
+    levels, known = choose_levels(layout, start(), steps, None, Chooser())
     plan = fit_plan(layout, levels, steps)
     if worth.lagrangian > 0:
         bits = write_levels(layout, levels, steps, plan).level_bits()
-        levels, decoded = choose_levels(layout, values, steps, predictor, plan, Chooser(worth, bits))
+        levels, known = choose_levels(layout, start(), steps, plan, Chooser(worth, bits))
         plan = fit_plan(layout, levels, steps)
-    return predictor.pack() + plan.pack() + write_levels(layout, levels, steps, plan).finish(), decoded
+    return plan.pack() + write_levels(layout, levels, steps, plan).finish(), known
 
 
 def choose_levels(
-    layout: Layout,
-    values: Int[np.ndarray, "n c"],
-    steps: Int[np.ndarray, "n c"],
-    predictor: Mixture,
-    plan: ContextPlan | None,
-    chooser: Chooser,
-) -> tuple[Int[np.ndarray, "n c"], Int[np.ndarray, "n c"]]:
-    """Run prediction and quantisation; give the levels and the values as decoded. Without a plan all contexts are 0."""
+    layout: Layout, known: P, steps: Int[np.ndarray, "n c"], plan: ContextPlan | None, chooser: Chooser
+) -> tuple[Int[np.ndarray, "n c"], P]:
+    """Run prediction and quantisation; give the levels and the prediction at its end. Without a plan all contexts are 0."""
     sizes = Sizes(steps)
-    decoded, levels = np.zeros(values.shape, np.int64), np.zeros(values.shape, np.int64)
+    levels = np.zeros(steps.shape, np.int64)
     for step in layout.passes:
         rows = step.rows
-        expected = predictor.predict(step, decoded)
+        known.enter(step)
+        residual = known.residual()
         if plan:
             sizes.enter(step)
-        for component in range(values.shape[1]):
+        for component in range(steps.shape[1]):
             contexts = sizes.contexts(plan, component) if plan else np.zeros(len(rows), np.int64)
-            residual = values[rows, component] - expected[:, component]
-            chosen = chooser.choose(rows, component, residual, steps[rows, component], contexts)
+            chosen = chooser.choose(rows, component, residual[:, component], steps[rows, component], contexts)
             levels[rows, component] = chosen
             if plan:
                 sizes.learn(component, chosen)
-        decoded[rows] = expected + levels[rows] * steps[rows]
-    return levels, decoded
+        known.learn(levels[rows] * steps[rows])
+    return levels, known
 
 
 def write_levels(
@@ -98,22 +115,30 @@ def decode_predicted(
         FormatError: the bytes are not what an encoder writes.
     """
     shape = (len(layout), n_components)
-    steps = np.broadcast_to(steps, shape)
-    predictor = Mixture.unpack(reader, n_components)
+    known = Linear(Mixture.unpack(reader, n_components), np.zeros(shape, np.int64))
+    decode_levels(reader, layout, known, np.broadcast_to(steps, shape))
+    if np.abs(known.values).max(initial=0) > LIMIT:
+        raise reader.error(f"a value is beyond +-{LIMIT} units")
+    return known.values
+
+
+def decode_levels(reader: ByteReader, layout: Layout, known: Prediction, steps: Int[np.ndarray, "n c"]) -> None:
+    """Read what `encode_levels` wrote, to the end of the section, into a prediction.
+
+    Raises:
+        FormatError: the bytes are not what an encoder writes.
+    """
+    n_components = steps.shape[1]
     plan = ContextPlan.unpack(reader, n_components)
     symbols = SymbolReader(reader, SIZE_CLASSES)
     sizes = Sizes(steps)
-    decoded, levels = np.zeros(shape, np.int64), np.zeros(shape, np.int64)
     for step in layout.passes:
         rows = step.rows
+        known.enter(step)
         sizes.enter(step)
+        levels = np.empty((len(rows), n_components), np.int64)
         for component in range(n_components):
-            found = symbols.read(sizes.contexts(plan, component))
-            sizes.learn(component, found)
-            levels[rows, component] = found
-        values = predictor.predict(step, decoded) + levels[rows] * steps[rows]
-        if np.abs(values).max(initial=0) > LIMIT:
-            raise reader.error(f"a value is beyond +-{LIMIT} units")
-        decoded[rows] = values
+            levels[:, component] = symbols.read(sizes.contexts(plan, component))
+            sizes.learn(component, levels[:, component])
+        known.learn(levels * steps[rows])
     symbols.check_end()
-    return decoded

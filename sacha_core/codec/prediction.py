@@ -12,6 +12,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -19,12 +20,25 @@ from jaxtyping import Float, Int
 from sacha_core.codec.order import KINDS, Layout, Pass, weighted_mean
 from sacha_core.codec.reading import ByteReader
 
-__all__ = ["LIMIT", "Mixture", "fit_mixture"]
+__all__ = ["LIMIT", "Linear", "Mixture", "Prediction", "fit_mixture"]
 
 LIMIT = 1 << 40  # no attribute comes near; a decoder stops before sums could leave 64 bits
 TERMS = 2  # neighbours, mates
 WEIGHT_BITS = 6
 MAX_WEIGHT = 127
+
+
+class Prediction(Protocol):
+    """What is known of an attribute, pass by pass."""
+
+    def enter(self, step: Pass) -> None:
+        """Begin a pass: form what its values are expected to be."""
+
+    def residual(self) -> Int[np.ndarray, "p c"]:
+        """Give how far off the values of the pass are, in fine units: for encoders, which know them."""
+
+    def learn(self, difference: Int[np.ndarray, "p c"]) -> None:
+        """Take in the decoded differences of the pass."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +77,33 @@ class Mixture:
         shape = (KINDS, TERMS, n_components)
         weights = np.frombuffer(reader.take(int(np.prod(shape))), np.int8).reshape(shape)
         return cls(centre, weights.astype(np.int64))
+
+
+class Linear:
+    """Integers that a mixture predicts.
+
+    Args:
+        mixture: of neighbours, mates and centre.
+        targets: (n, c) what an encoder is to code; a decoder gives zeros.
+    """
+
+    def __init__(self, mixture: Mixture, targets: Int[np.ndarray, "n c"]) -> None:
+        self._mixture = mixture
+        self._targets = targets
+        self.values = np.zeros(targets.shape, np.int64)
+
+    def enter(self, step: Pass) -> None:
+        """Begin a pass."""
+        self._rows = step.rows
+        self._expected = self._mixture.predict(step, self.values)
+
+    def residual(self) -> Int[np.ndarray, "p c"]:
+        """Give target less expected value."""
+        return np.asarray(self._targets[self._rows] - self._expected)
+
+    def learn(self, difference: Int[np.ndarray, "p c"]) -> None:
+        """Add differences to what was expected."""
+        self.values[self._rows] = self._expected + difference
 
 
 def terms_of(

@@ -1,7 +1,7 @@
-r"""Section `Rotation`: three components of a unit quaternion.
+r"""Section `Rotation`: orientations, as turns from what neighbours let expect (`turning`).
 
-A Gaussian looks the same after a half turn about any of its axes, so of the eight quaternions that describe it the one with the largest $w$
-is taken: $w \ge 1/2$, and $(x, y, z)$ says it all.
+In the axes of the triangles, or in those of the world, in which Gaussians on triangles of different frames can be compared: whichever
+takes fewer bytes.
 
 Source: own.
 """
@@ -12,14 +12,16 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.codec.choice import PLAIN, Worth
-from sacha_core.codec.order import Layout
-from sacha_core.codec.predicted import decode_predicted, encode_predicted
+from sacha_core.codec.frames import quaternions_of, rest_frames
+from sacha_core.codec.order import KINDS, Layout
+from sacha_core.codec.predicted import decode_levels, encode_levels
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import Classes, StepRule
+from sacha_core.codec.turning import Turning, TurnWeights, conjugate, multiply
 
-__all__ = ["decode_rotation", "encode_rotation", "rotation_vector", "sort_axes", "turn_slopes"]
+__all__ = ["TRIANGLE", "WORLD", "decode_rotation", "encode_rotation", "sort_axes"]
 
-UNIT = 2.0**-14
+TRIANGLE, WORLD = 0, 1  # domains
 ROOT_HALF = np.sqrt(0.5)
 # quaternions (right factors) that bring the axes into the order of a permutation; a sign of an axis never shows
 PERMUTATIONS = {
@@ -30,21 +32,7 @@ PERMUTATIONS = {
     (1, 2, 0): (0.5, 0.5, 0.5, 0.5),
     (2, 0, 1): (0.5, -0.5, -0.5, -0.5),
 }
-
-
-def multiply(a: Float[np.ndarray, "n 4"], b: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 4"]:
-    """Hamilton product, wxyz."""
-    w, x, y, z = a.T
-    s, i, j, k = b.T
-    return np.stack(
-        [
-            w * s - x * i - y * j - z * k,
-            w * i + x * s + y * k - z * j,
-            w * j - x * k + y * s + z * i,
-            w * k + x * j - y * i + z * s,
-        ],
-        axis=1,
-    )
+Rules = tuple[StepRule, ...]
 
 
 def sort_axes(
@@ -61,43 +49,57 @@ def sort_axes(
     factor = np.zeros((len(unit), 4))
     for permutation, turn in PERMUTATIONS.items():
         factor[(order == permutation).all(axis=1)] = turn
-    return np.take_along_axis(log_scale, order, axis=1), multiply(unit, factor)
+    return np.take_along_axis(log_scale, order, axis=1), multiply(unit.T, factor.T).T
 
 
-def rotation_vector(quaternion: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 3"]:
-    """Give (x, y, z) of the equivalent unit quaternion with the largest w, which is positive."""
-    w, x, y, z = quaternion.T
-    turned = np.stack(
-        [quaternion, np.stack([-x, w, z, -y], 1), np.stack([-y, -z, w, x], 1), np.stack([-z, y, -x, w], 1)]
-    )
-    best = np.argmax(np.abs(turned[:, :, 0]), axis=0)
-    chosen = turned[best, np.arange(len(best))]
-    return chosen[:, 1:] * np.where(chosen[:, :1] < 0, -1.0, 1.0)  # type: ignore[no-any-return]
-
-
-def turn_slopes(quaternion: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 3 3"]:
-    """How far a Gaussian turns about each of its own axes when each component of `rotation_vector` changes, radians.
-
-    A turn by v changes a unit quaternion q by q (0, v / 2), so v is twice the vector part of q* dq, where dw = -(x dx + y dy + z dz) / w.
-    """
-    x, y, z = rotation_vector(quaternion).T
-    w = np.sqrt(np.maximum(1 - x * x - y * y - z * z, 0.25))
-    columns = []
-    for component in range(3):
-        change = np.zeros((len(x), 4))
-        change[:, 0] = -(x, y, z)[component] / w
-        change[:, component + 1] = 1
-        columns.append(2 * multiply(np.stack([w, -x, -y, -z], axis=1), change)[:, 1:])
-    return np.stack(columns, axis=2)
+def steps_of(rules: Rules, classes: Classes) -> Int[np.ndarray, "n 3"]:
+    """Steps of the turns about each axis of a Gaussian, longest first."""
+    return np.stack([rule.steps(classes) for rule in rules], axis=1)
 
 
 def encode_rotation(
-    layout: Layout, quaternion: Float[np.ndarray, "n 4"], classes: Classes, rule: StepRule, worth: Worth = PLAIN
-) -> tuple[bytes, Int[np.ndarray, "n 3"]]:
-    """Code unit quaternions that match sorted axes; give the section and the decoder's integers."""
-    values = np.rint(rotation_vector(quaternion) / UNIT).astype(np.int64)
-    coded, decoded = encode_predicted(layout, values, rule.steps(classes)[:, None], worth)
-    return rule.pack() + coded, decoded
+    layout: Layout, quaternion: Float[np.ndarray, "n 4"], classes: Classes, rules: Rules, worth: Worth = PLAIN
+) -> tuple[bytes, Float[np.ndarray, "n 4"]]:
+    """Code unit quaternions that match sorted axes; give the section and what the decoder will have."""
+    steps = steps_of(rules, classes)
+    best, decoded = b"", np.zeros((0, 4), np.float32)
+    for domain in (TRIANGLE, WORLD) if layout.template.known else (TRIANGLE,):
+        targets = quaternion.T.astype(np.float64)
+        if domain == WORLD:
+            targets = multiply(frame_quaternions(layout), targets)
+        weights = choose_weights(layout, targets, steps)
+        coded, known = encode_levels(layout, lambda w=weights, t=targets: Turning(w, t), steps, worth)  # type: ignore[misc]
+        if not best or len(coded) < len(best):
+            best = bytes([domain]) + b"".join(rule.pack() for rule in rules) + weights.pack() + coded
+            decoded = in_triangle(layout, known.quaternions, domain)
+    return best, decoded
+
+
+def choose_weights(layout: Layout, targets: Float[np.ndarray, "4 n"], steps: Int[np.ndarray, "n 3"]) -> TurnWeights:
+    """Choose the trust for each kind of pass, by the bits that what is left would roughly take, without quantising."""
+    trials = [TurnWeights(np.tile(pair, (KINDS, 1))) for pair in ((1, 0), (1, 2), (0, 1), (0, 0))]
+    bits = np.zeros((len(trials), KINDS))
+    for number, trial in enumerate(trials):
+        known = Turning(trial, targets)
+        known.quaternions = targets
+        for step in layout.passes:
+            known.enter(step)
+            bits[number, step.kind] += np.log2(1 + np.abs(known.residual()) / steps[step.rows]).sum()
+    best = bits.argmin(axis=0)
+    return TurnWeights(np.stack([trials[best[kind]].weights[kind] for kind in range(KINDS)]))
+
+
+def frame_quaternions(layout: Layout) -> Float[np.ndarray, "4 n"]:
+    """Orientation of each Gaussian's triangle in the world."""
+    triangles, row = np.unique(layout.binding, return_inverse=True)
+    return np.asarray(quaternions_of(rest_frames(layout.template, triangles).axes)[:, row])
+
+
+def in_triangle(layout: Layout, quaternions: Float[np.ndarray, "4 n"], domain: int) -> Float[np.ndarray, "n 4"]:
+    """Give unit quaternions in the frames of the triangles, float32."""
+    if domain == WORLD:
+        quaternions = multiply(conjugate(frame_quaternions(layout)), quaternions)
+    return quaternions.T.astype(np.float32)
 
 
 def decode_rotation(reader: ByteReader, layout: Layout, classes: Classes) -> Float[np.ndarray, "n 4"]:
@@ -106,10 +108,10 @@ def decode_rotation(reader: ByteReader, layout: Layout, classes: Classes) -> Flo
     Raises:
         FormatError: the bytes are not what an encoder writes.
     """
-    rule = StepRule.unpack(reader)
-    values = decode_predicted(reader, layout, rule.steps(classes)[:, None], 3)
-    x, y, z = (values.astype(np.float64) * UNIT).T
-    squared = x * x + y * y + z * z
-    w = np.sqrt(np.maximum(1.0 - squared, 0.0))
-    length = np.sqrt(w * w + squared)
-    return np.stack([w / length, x / length, y / length, z / length], axis=1).astype(np.float32)
+    (domain,) = reader.unpack("B")
+    if domain not in (TRIANGLE, WORLD) or (domain == WORLD and not layout.template.known):
+        raise reader.error(f"domain {domain}, expected {TRIANGLE} (triangles) or, with the head, {WORLD} (world)")
+    rules = tuple(StepRule.unpack(reader) for _ in range(3))
+    known = Turning(TurnWeights.unpack(reader), np.zeros((4, len(layout))))
+    decode_levels(reader, layout, known, steps_of(rules, classes))
+    return in_triangle(layout, known.quaternions, domain)

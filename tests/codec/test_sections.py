@@ -14,19 +14,30 @@ from synthetic_avatars import small_head
 
 from sacha_core.codec.colour import decode_colour, encode_colour, yuv_to_rgb
 from sacha_core.codec.counts import decode_layout, encode_layout
+from sacha_core.codec.frames import quaternions_of, rest_frames
 from sacha_core.codec.harmonics import decode_harmonics, encode_harmonics
 from sacha_core.codec.hidden import decode_hidden, encode_hidden
-from sacha_core.codec.levels import COLOUR_RULES, HARMONIC_RULES, POSITION_RULE, ROTATION_RULE, SCALE_RULES
+from sacha_core.codec.levels import COLOUR_RULES, HARMONIC_RULES, POSITION_RULE, ROTATION_RULES, SCALE_RULES
 from sacha_core.codec.opacity import decode_opacity, encode_opacity, opacity_index, opacity_table
-from sacha_core.codec.order import Layout, layout_by_triangle
-from sacha_core.codec.position import decode_position, encode_position
+from sacha_core.codec.order import Layout, layout_by_triangle, layout_by_vertex
+from sacha_core.codec.position import (
+    TRIANGLE,
+    decode_position,
+    encode_position,
+    from_world,
+    position_steps,
+    to_world,
+)
 from sacha_core.codec.reading import ByteReader
-from sacha_core.codec.rotation import decode_rotation, encode_rotation, rotation_vector, sort_axes
+from sacha_core.codec.rotation import decode_rotation, encode_rotation, sort_axes
+from sacha_core.codec.rotation import steps_of as rotation_steps
 from sacha_core.codec.scale import classes_of, decode_scale, encode_scale, known_classes
 from sacha_core.codec.static import decode_static, encode_static
 from sacha_core.codec.steps import MAX_EXPONENT, STEPS, Classes, StepRule, quantise
 from sacha_core.codec.template import Template, template_of, unknown_template
+from sacha_core.codec.turning import TurnWeights, conjugate, multiply, nearest_to, rotation_vector
 from sacha_core.errors import FormatError
+from sacha_core.geometry.triangle import triangle_frames
 
 FLOAT32_ROUNDING = 1e-6  # relative: decoded values are rounded to float32 once
 ANGLE_TOLERANCE = 1e-6  # of rotation matrices in float64 through a product and a square root
@@ -152,30 +163,96 @@ def test_scale(counts, spread, seed):
     assert (np.abs(decoded - log_scale) <= (step / 2 + 2.5) * 2.0**-12 + FLOAT32_ROUNDING * np.abs(log_scale)).all()
 
 
-@given(counts_lists, st.floats(0.0, 90.0), st.integers(0, 50))
-def test_position(counts, spread, seed):
-    layout = layout_of(counts, seed)
-    position = np.random.default_rng(seed).normal(0, spread, (sum(counts), 3)).astype(np.float32)
-    classes = classes_for(sum(counts), seed)
+def layouts(seed: int) -> list[Layout]:
+    """Give one of each kind: triangles without a head, triangles of a head, vertices of a head."""
+    rng = np.random.default_rng(seed)
+    head = small_head()
+    template = template_of(head.v_template, head.faces)
+    counts = rng.integers(0, 3, len(head.faces)) * (rng.random(len(head.faces)) < 0.3)
+    return [
+        layout_of(rng.integers(0, 5, 12).tolist(), seed),
+        layout_by_triangle(counts, template),
+        layout_by_vertex(rng.random(len(template.vertices)) < 0.4, template),
+    ]
+
+
+@pytest.mark.parametrize("kind", range(3))
+@pytest.mark.parametrize("spread", [0.0, 0.3, 90.0])
+def test_position(kind, spread):
+    """Half a step off in either domain; in the world a step is alike in metres to within the rounding of size classes."""
+    layout = layouts(kind)[kind]
+    n = len(layout)
+    position = np.random.default_rng(kind).normal(0, spread, (n, 3)).astype(np.float32)
+    classes = classes_for(n, kind)
     data, expected = encode_position(layout, position, classes, POSITION_RULE)
     decoded = decode_position(reader(data), layout, classes)
-    assert np.array_equal(decoded, (expected * 2.0**-16).astype(np.float32))
-    exponent = np.clip(POSITION_RULE.base + POSITION_RULE.shift(classes) - 4 * layout.triangle_size, 0, MAX_EXPONENT)
-    bound = (STEPS[exponent] / 2 + 1) * 2.0**-16
-    assert (np.abs(decoded - position) <= bound[:, None] + FLOAT32_ROUNDING * np.abs(position)).all()
+    assert np.array_equal(decoded, expected)
+    rule = StepRule.unpack(reader(data[1:]))
+    steps = position_steps(layout, classes, rule, data[0])[:, 0] / 2 + 1
+    if data[0] == TRIANGLE:
+        bound, error = steps[:, None] * 2.0**-16, np.abs(decoded - position)
+    else:
+        frames = rest_frames(layout.template, layout.binding)
+        error = np.abs(np.einsum("ijn,nj->ni", frames.axes, decoded - position)) * frames.scale[:, None]
+        bound = steps[:, None] / 16 + FLOAT32_ROUNDING * (np.abs(position).max(axis=1) * frames.scale)[:, None] * 2
+    assert (error <= bound + FLOAT32_ROUNDING * np.abs(position)).all()
 
 
-@given(counts_lists, st.integers(0, 50))
-def test_rotation(counts, seed):
-    layout = layout_of(counts, seed)
-    quaternion = np.random.default_rng(seed).normal(0, 1, (sum(counts), 4))
+def test_world_and_triangle_are_the_same_place():
+    """Oracle: posed triangle frames of the geometry package on the grid's vertices."""
+    layout = layouts(5)[2]
+    template = layout.template
+    frames = triangle_frames(template.grid.astype(np.float64), template.faces)
+    position = np.random.default_rng(0).normal(0, 0.5, (len(layout), 3))
+    world = np.einsum("nij,nj->ni", frames.rotation[layout.binding], position) * frames.scale[layout.binding, None]
+    world += frames.origin[layout.binding]
+    values = to_world(layout, position)
+    assert np.abs(values / 16 + layout.anchors / 2 - world).max() <= 1 / 32 + ANGLE_TOLERANCE
+    back = from_world(layout, values)
+    assert np.abs(back - position).max() * frames.scale.min() < 0.1  # cells; a unit is a sixteenth
+    axes = rest_frames(template, layout.binding).axes
+    turned = Rotation.from_quat(quaternions_of(axes).T, scalar_first=True).as_matrix()
+    assert np.allclose(turned, axes.transpose(2, 0, 1), atol=ANGLE_TOLERANCE)
+
+
+@pytest.mark.parametrize("kind", range(3))
+def test_rotation(kind):
+    """Oracle: SciPy's angle between what went in and what comes out, up to half turns about a Gaussian's own axes."""
+    layout = layouts(kind)[kind]
+    n = len(layout)
+    quaternion = np.random.default_rng(kind).normal(0, 1, (n, 4)) * ([1, 0.1, 0.1, 0.1] if kind else [1, 1, 1, 1])
     quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
-    classes = classes_for(sum(counts), seed)
-    data, expected = encode_rotation(layout, quaternion, classes, ROTATION_RULE)
+    classes = classes_for(n, kind)
+    data, expected = encode_rotation(layout, quaternion, classes, ROTATION_RULES)
     decoded = decode_rotation(reader(data), layout, classes)
+    assert np.array_equal(decoded, expected)
     assert np.allclose(np.linalg.norm(decoded, axis=1), 1, atol=FLOAT32_ROUNDING)
-    bound = (ROTATION_RULE.steps(classes) / 2 + 1) * 2.0**-14
-    assert (np.abs(expected * 2.0**-14 - rotation_vector(quaternion)) <= bound[:, None]).all()
+    turn = Rotation.from_quat(quaternion, scalar_first=True).inv() * Rotation.from_quat(decoded, scalar_first=True)
+    halves = Rotation.from_quat(np.eye(4), scalar_first=True)
+    angle = np.min([(turn * half).magnitude() for half in halves], axis=0)
+    largest = np.linalg.norm(rotation_steps(ROTATION_RULES, classes) / 2 + 1, axis=1) * 2.0**-14
+    assert (angle <= 2 * np.arcsin(np.minimum(largest * 2, 1)) + 2 * ANGLE_TOLERANCE).all()
+
+
+def test_turns_from_neighbours_by_the_half_turn():
+    """A Gaussian told by another of its eight quaternions is no turn at all; nothing known is expected to be the axes themselves."""
+    q = np.random.default_rng(1).normal(0, 1, (4, 50))
+    q /= np.linalg.norm(q, axis=0)
+    for half in np.eye(4):
+        for sign in (1, -1):
+            other = sign * multiply(q, np.tile(half[:, None], 50))
+            assert np.allclose(nearest_to(other, q), q, atol=ANGLE_TOLERANCE)
+            assert np.abs(rotation_vector(multiply(conjugate(q), other))).max() < ANGLE_TOLERANCE
+    step = layouts(0)[0].passes[0]
+    assert TurnWeights(np.full((4, 2), 255)).expect(step, q).tolist() == [[1], [0], [0], [0]]
+
+
+@pytest.mark.parametrize("decoder", [decode_position, decode_rotation])
+def test_unknown_domains_are_refused(decoder):
+    plain, _, on_vertices = layouts(1)
+    for layout, domain in ((plain, 1), (plain, 2), (on_vertices, 2)):
+        with pytest.raises(FormatError, match="domain"):
+            decoder(reader(bytes([domain]) + bytes(80)), layout, classes_for(len(layout)))
 
 
 @given(st.integers(0, 200), st.booleans())
@@ -185,7 +262,7 @@ def test_sorting_axes_leaves_the_gaussian_as_it_is(seed, ties):
     log_scale = rng.integers(-2, 2, (6, 3)).astype(np.float64) if ties else rng.normal(-1, 1, (6, 3))
     quaternion = rng.normal(0, 1, (6, 4))
     sorted_scale, turned = sort_axes(log_scale, quaternion)
-    vector = rotation_vector(turned)
+    vector = rotation_vector(turned.T).T
     chosen = np.concatenate([np.sqrt(1 - (vector**2).sum(axis=1, keepdims=True)), vector], axis=1)
     assert (chosen[:, 0] >= 0.5 - ANGLE_TOLERANCE).all()
     assert (np.diff(sorted_scale, axis=1) <= 0).all()
