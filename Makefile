@@ -5,7 +5,7 @@ PIP_QUIET := --quiet --disable-pip-version-check
 
 SHAPED := $(addprefix tests/,avatar density evaluate flame geometry interchange regions)
 
-.PHONY: demo test quick shapes lint bench bench-page install clean
+.PHONY: demo test quick fuzz shapes lint bench bench-page install clean
 
 demo: install
 	$(BIN)/sacha demo --out out/demo
@@ -15,6 +15,11 @@ test: install test-blender
 
 quick: install
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
+
+# Hostile files, for hours; what breaks a promise is kept in tests/codec/found. `make fuzz INPUTS=100000` for fewer.
+INPUTS ?= 1000000
+fuzz: install
+	$(BIN)/python tests/codec/fuzzing.py --inputs $(INPUTS)
 
 # The same tests of NumPy code, with every call held to the shapes and types that its annotations promise.
 shapes: install

@@ -37,7 +37,7 @@ ARRAYS = (
 NEEDED = ARRAYS[:7]
 MASK = "mask:"
 KINDS = {0: np.dtype("<f4"), 1: np.dtype("<i4")}
-FREE_BYTES, RATIO = 1 << 25, 64  # how much may unpack from little: zlib could make a gigabyte of a megabyte
+FREE_BYTES, RATIO = 1 << 22, 64  # how much may unpack from little: zlib could make a gigabyte of a megabyte
 
 
 def pack_array(name: str, array: Num[np.ndarray, "..."]) -> bytes:
