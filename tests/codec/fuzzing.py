@@ -1,7 +1,7 @@
 """Hostile files by the thousand: whatever the bytes, an avatar or one of our errors, within a second and in little memory.
 
-`python tests/codec/fuzzing.py --inputs 1000000 --seed 1` runs as many as are asked for, tells how they ended, and keeps every input that broke
-a promise in `tests/codec/found`, where the tests read it again. Input i of a seed is the same everywhere.
+`python tests/codec/fuzzing.py --inputs 1000000 --seed 1` runs as many as are asked for, tells how they ended, and keeps every input that
+broke a promise in `tests/codec/found`, where the tests read it again. Input i of a seed is the same everywhere.
 """
 
 from __future__ import annotations
@@ -148,8 +148,13 @@ def unsealed(rng: random.Random, files: list[Sections]) -> bytes:
 
 
 MAKERS: dict[str, tuple[int, Maker]] = {
-    "mutated": (64, mutated), "cut": (9, cut), "bomb": (8, bomb), "noise": (7, noise), "exchanged": (6, exchanged), "unsealed": (6, unsealed),
-}  # fmt: skip
+    "mutated": (64, mutated),
+    "cut": (9, cut),
+    "bomb": (8, bomb),
+    "noise": (7, noise),
+    "exchanged": (6, exchanged),
+    "unsealed": (6, unsealed),
+}
 
 
 def make(seed: int, number: int) -> tuple[str, bytes]:
@@ -236,6 +241,12 @@ def run(seed: int, start: int, stop: int, tell: Callable[[str], object] = lambda
     return tally
 
 
+def say(text: str) -> None:
+    """Print a line at once."""
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
+
+
 def main() -> int:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -243,12 +254,12 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=int(np.random.default_rng().integers(1 << 31)))
     parser.add_argument("--start", type=int, default=0)
     options = parser.parse_args()
-    tally = run(options.seed, options.start, options.start + options.inputs, lambda text: print(text, flush=True))
+    tally = run(options.seed, options.start, options.start + options.inputs, say)
     for number in tally.broken:
         FOUND.mkdir(exist_ok=True)
         (FOUND / f"seed{options.seed}_{number}.bin").write_bytes(make(options.seed, number)[1])
     decoded = sum(count for (_, fine), count in tally.ends.items() if fine)
-    print(
+    say(
         f"seed {options.seed}: {tally.total} inputs, {decoded} decoded, {tally.total - decoded - len(tally.broken)} refused, "
         f"{len(tally.broken)} broke a promise; slowest {tally.slowest_s:.2f} s, grew by {tally.grown >> 20} MiB"
     )
