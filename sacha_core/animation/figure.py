@@ -20,7 +20,7 @@ from sacha_core.flame.posing import HeadMotion
 from sacha_core.parallel.pool import Pool
 from sacha_core.raster.bounds import pixel_box
 from sacha_core.raster.camera import Camera
-from sacha_core.raster.harmonics import degrees_in_use
+from sacha_core.raster.harmonics import NO_TILTS, degrees_in_use
 from sacha_core.raster.kernels.bounds import reach
 from sacha_core.raster.kernels.harmonics import harmonic_colours
 from sacha_core.raster.kernels.layout import ALPHA_MIN
@@ -159,7 +159,7 @@ class Figure:
         gaussians = self._gaussians
         harmonic_colours(
             start, stop, gaussians.sh_dc, gaussians.sh_rest, self._world[0], centre, self._degree, self._degrees,
-            self._colours,
+            self._colours, NO_TILTS,
         )  # fmt: skip
 
     def _colours_are_stale(self, centre: Float[np.ndarray, "3"]) -> bool:

@@ -12,9 +12,10 @@ from sacha_core.parallel.kernels.lanes import LANES
 from sacha_core.parallel.pool import Pool, even_ranges
 from sacha_core.raster.kernels.harmonics import coefficient_gradients, harmonic_colours, harmonic_gradients
 
-__all__ = ["ALL_DEGREES", "degrees_in_use", "sh_colours", "sh_colours_backward", "sh_rest_gradient"]
+__all__ = ["ALL_DEGREES", "NO_TILTS", "degrees_in_use", "sh_colours", "sh_colours_backward", "sh_rest_gradient"]
 
 ALL_DEGREES = np.zeros(0, np.uint8)  # for kernels: no Gaussian has a limit of its own
+NO_TILTS = np.zeros((3, 0, 3), np.float32)  # for kernels: nobody wants the colours' gradients by the means
 
 
 def sh_colours(
@@ -58,7 +59,7 @@ def sh_colours(
     if degrees is not None and limits.shape != (n,):
         raise OptionError(f"degrees of harmonics have shape {limits.shape}, expected ({n},)")
     arrays = single(sh_dc, sh_rest, means, centre)
-    share(pool, n, lambda start, stop: harmonic_colours(start, stop, *arrays, degree, limits, colours))
+    share(pool, n, lambda start, stop: harmonic_colours(start, stop, *arrays, degree, limits, colours, NO_TILTS))
     return colours
 
 
@@ -94,8 +95,15 @@ def sh_colours_backward(
         OptionError: `degree` is not 0 to 3, or `sh_rest` has no coefficients of that degree.
     """
     require_degree(degree, sh_rest.shape[1])
-    cut, arrays, slopes = np.empty(means.shape, np.float32), single(sh_rest, means, centre), single(colours, gradient)
-    share(pool, len(means), lambda start, stop: harmonic_gradients(start, stop, *arrays, degree, *slopes, cut, g_means))
+    cut, slopes = np.empty(means.shape, np.float32), single(colours, gradient)
+    nothing, again, tilts = np.zeros_like(cut), np.empty_like(cut), np.empty((3, *cut.shape), np.float32)
+    arrays = (nothing, *single(sh_rest, means, centre), degree, ALL_DEGREES, again, tilts)
+
+    def task(start: int, stop: int) -> None:
+        harmonic_colours(start, stop, *arrays)
+        harmonic_gradients(start, stop, tilts, *slopes, cut, g_means)
+
+    share(pool, len(means), task)
     return cut
 
 

@@ -159,7 +159,7 @@ class CpuEngine:
             slopes = self._rasteriser.backward(drawing.frame, found.gradient)
             with self._time("gradients"):
                 height, width = target.sensitivity.shape
-                gradients.add_view(drawing.frame, slopes, width, height, self._degree)
+                gradients.add_view(drawing.frame, slopes, self._drawer.tilts, width, height)
             parts = {"total": found.total, "l1": found.l1, "ssim": found.ssim, "sensitivity": found.entropy}
             for name, value in parts.items():
                 losses[name] = losses.get(name, 0.0) + value / len(targets)

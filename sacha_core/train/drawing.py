@@ -7,20 +7,19 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
-from sacha_core.animation.kernels.carry import BLOCK, carry
+from sacha_core.animation.kernels.carry import BLOCK
 from sacha_core.animation.posed import Pose, block_bounds
-from sacha_core.avatar.binding import sigmoid
 from sacha_core.parallel.buffers import Buffers
 from sacha_core.parallel.pool import Pool
 from sacha_core.raster.bounds import pixel_box
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.harmonics import ALL_DEGREES
-from sacha_core.raster.kernels.bounds import reach
-from sacha_core.raster.kernels.harmonics import harmonic_colours
 from sacha_core.raster.rasteriser import NEAR, Frame, Rasteriser
 from sacha_core.raster.splats import Splats
 from sacha_core.raster.view import view_parameters
+from sacha_core.train.kernels.place import place
 from sacha_core.train.masks import alive
 from sacha_core.train.state import MASK_LOGIT, TrainState
 from sacha_core.train.views import Box
@@ -28,6 +27,7 @@ from sacha_core.train.views import Box
 __all__ = ["Drawer", "Drawing"]
 
 BACKGROUND = np.array([1, 1, 1, 0], np.float32)  # white, and not sensitive
+NO_MASKS = np.zeros(0, np.float32)
 MARGIN = 10  # pixels: twice the reach of SSIM's window, so that nothing outside the crop sees what is inside
 
 
@@ -54,9 +54,11 @@ class Drawer:
 
     Attributes:
         splats: what was placed; holds until the next `place`.
+        tilts: (3, n, 3) gradient of each colour by the mean, as the last `draw` saw it.
     """
 
     splats: Splats
+    tilts: Float[np.ndarray, "3 n 3"]
 
     def __init__(self, rasteriser: Rasteriser, pool: Pool, time: Callable[[str], AbstractContextManager[None]]) -> None:
         self._rasteriser, self._pool, self._time, self._buffers = rasteriser, pool, time, Buffers()
@@ -67,9 +69,18 @@ class Drawer:
         widths = {"means": 3, "scales": 3, "quaternions": 4, "colours": 4}
         space = {name: self._buffers.space(name, n * c, np.float32).reshape(n, c) for name, c in widths.items()}
         self.splats = Splats(**space, opacities=self._buffers.space("opacities", n, np.float32))
+        self.tilts = self._buffers.space("tilts", 9 * n, np.float32).reshape(3, n, 3)
         self._bounds = block_bounds(n, BLOCK, self._pool.threads)
         self._state, self._pose = state, pose
         self._to_carry = True
+        values, frames, splats = state.values, pose.frames, self.splats
+        own = (values[name].reshape(-1) for name in ("position", "log_scale", "quaternion", "opacity_logit", "sensitivity_logit"))
+        factors = alive(values[MASK_LOGIT]).astype(np.float32) if MASK_LOGIT in values else NO_MASKS
+        self._carrying = (
+            *own, factors, state.binding, frames.rotation.reshape(-1), frames.scale, frames.origin.reshape(-1),
+            pose.quaternions.reshape(-1), splats.means.reshape(-1), splats.scales.reshape(-1), splats.quaternions.reshape(-1),
+            splats.opacities, splats.colours.reshape(-1),
+        )  # fmt: skip
 
     def draw(self, camera: Camera, degree: int | None, box: Box) -> Drawing:
         """Draw what was placed.
@@ -85,18 +96,17 @@ class Drawer:
         splats, values, bounds, to_carry = self.splats, self._state.values, self._bounds, self._to_carry
         view, centre = view_parameters(camera, NEAR), np.asarray(camera.centre, np.float32)
         sides = [(0.0, 0.0, 0.0, 0.0)] * (len(bounds) - 1)
+        colouring = (
+            values["sh_dc"], values["sh_rest"], splats.means, centre, degree or 0, ALL_DEGREES, splats.colours, self.tilts
+        )  # fmt: skip
+        if degree is None:
+            splats.colours[:, :3] = 0
 
         def job(_: int, k: int) -> None:
-            start, stop = bounds[k], bounds[k + 1]
-            if to_carry:
-                self._carry(start, stop)
-            if degree is None:
-                splats.colours[start:stop, :3] = 0
-            else:
-                harmonic_colours(
-                    start, stop, values["sh_dc"], values["sh_rest"], splats.means, centre, degree, ALL_DEGREES, splats.colours,
-                )  # fmt: skip
-            sides[k] = reach(start, stop, splats.means, splats.scales, splats.opacities, view)
+            sides[k] = place(
+                bounds[k], bounds[k + 1], to_carry, self._carrying, colouring, degree is not None,
+                splats.means, splats.scales, splats.opacities, view,
+            )  # fmt: skip
 
         with self._time("place and colour"):
             self._pool.run(job, len(bounds) - 1)
@@ -104,21 +114,6 @@ class Drawer:
         crop = union(pixel_box(sides, camera, MARGIN), box, camera)
         part = camera.crop(crop[0], crop[1], crop[2] - crop[0], crop[3] - crop[1])
         return Drawing(self._rasteriser.forward(splats, part, BACKGROUND), crop)
-
-    def _carry(self, start: int, stop: int) -> None:
-        """Bring some Gaussians into the world, and activate them."""
-        splats, frames, values, rows = self.splats, self._pose.frames, self._state.values, slice(start, stop)
-        with np.errstate(over="ignore"):  # a Gaussian without end is culled when it is drawn
-            np.exp(values["log_scale"][rows], out=splats.scales[rows])
-        carry(
-            start, stop, values["position"], splats.scales, values["quaternion"], self._state.binding,
-            frames.rotation, frames.scale, frames.origin, self._pose.quaternions, splats.means, splats.scales, splats.quaternions,
-        )  # fmt: skip
-        splats.opacities[rows] = sigmoid(values["opacity_logit"][rows])
-        if MASK_LOGIT in values:
-            splats.opacities[rows] *= alive(values[MASK_LOGIT][rows])
-        splats.colours[rows, 3] = sigmoid(values["sensitivity_logit"][rows])
-
 
 def union(reached: tuple[int, int, int, int] | None, box: Box, camera: Camera) -> Box:
     """Give what must be drawn: what Gaussians reach (left, top, width, height) and, with a margin, `box`; at least one pixel."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -11,11 +12,13 @@ from sacha_core.animation.posed import Pose, block_bounds
 from sacha_core.parallel.buffers import Buffers
 from sacha_core.parallel.pool import Pool
 from sacha_core.raster.harmonics import sh_rest_gradient
-from sacha_core.raster.kernels.harmonics import BASIS, harmonic_gradients
+from sacha_core.raster.kernels.harmonics import BASIS
 from sacha_core.raster.rasteriser import Frame
 from sacha_core.raster.splats import SplatGradients, Splats
 from sacha_core.train.faults import LARGEST_GRADIENT
-from sacha_core.train.kernels.settle import note_view, settle
+from sacha_core.train.kernels.carry_backward import PULLS
+from sacha_core.train.kernels.settle import SCRATCH
+from sacha_core.train.kernels.take_view import take_view
 from sacha_core.train.options import LossOptions
 from sacha_core.train.rig import Rig
 from sacha_core.train.state import Arrays, TrainState
@@ -45,14 +48,14 @@ class Chunks:
     """Triangles with their Gaussians, in chunks of about as many Gaussians.
 
     Args:
-        first_row: (f + 1,) first Gaussian of each triangle.
         faces: (chunks + 1,) first triangle of each chunk.
         rows: (chunks + 1,) first Gaussian of each chunk.
+        most_faces: triangles of the chunk that has most.
     """
 
-    first_row: Int[np.ndarray, " g"]
     faces: Int[np.ndarray, " b"]
     rows: Int[np.ndarray, " b"]
+    most_faces: int
 
     @classmethod
     def of(cls, binding: Int[np.ndarray, " n"], n_faces: int) -> Chunks:
@@ -60,7 +63,7 @@ class Chunks:
         first_row = np.searchsorted(binding, np.arange(n_faces + 1))
         inner = np.searchsorted(first_row, len(binding) * np.arange(1, CHUNKS) // CHUNKS)
         faces = np.array([0, *inner, n_faces])
-        return cls(first_row, faces, first_row[faces])
+        return cls(faces, first_row[faces], int(np.diff(faces).max()))
 
 
 class GaussianGradients:
@@ -107,41 +110,36 @@ class GaussianGradients:
         self.seen = self._space("seen", n, 1, np.int32)
         self._penalties, self._sound = np.zeros((CHUNKS, 2)), [True] * (len(self._jobs) - 1)
 
-    def add_view(self, frame: Frame, slopes: SplatGradients, width: int, height: int, degree: int) -> None:
+    def add_view(
+        self, frame: Frame, slopes: SplatGradients, tilts: Float[np.ndarray, "3 n 3"], width: int, height: int
+    ) -> None:
         """Add a view: gradients of its share of the loss. With the last, all that `begin` promised is there.
 
         Args:
             frame: as it was drawn.
             slopes: by the splats; changed.
+            tilts: gradient of each colour by the mean.
             width: of the whole image, pixels.
             height: likewise.
-            degree: of the spherical harmonics in use.
         """
         chunks, jobs, views = self._chunks, self._jobs, self._views
         view = len(self.colours)
         cut = self._space(f"cut {view}", len(self._state), 3)
-        centre = np.asarray(frame.camera.centre, np.float32)
-        self.colours.append(ViewColours(centre, cut))
+        self.colours.append(ViewColours(np.asarray(frame.camera.centre, np.float32), cut))
         half_sides = np.float32(views * width / 2), np.float32(views * height / 2)  # as if there were no other view
         part = np.float32(1 / (views * max(int(np.count_nonzero(frame.visible)), 1)))
-        totals = self._totals(slopes) if views > 1 else of_slopes(slopes)
+        colours = tilts, self._splats.colours, slopes.colours, cut, slopes.means
+        notes = (
+            view == 0, frame.bins.span, slopes.means_2d, *half_sides, part, cut, np.float32(BASIS[0]),
+            self._shares, self.seen, self.lengths, self.by_name["sh_dc"],
+        )  # fmt: skip
+        own = of_slopes(slopes)
+        totals = self._totals(own) if views > 1 else own
 
-        def job(_: int, k: int) -> None:
-            start, stop = chunks.rows[jobs[k]], chunks.rows[jobs[k + 1]]
-            harmonic_gradients(
-                start, stop, self._state.values["sh_rest"], self._splats.means, centre, degree, self._splats.colours, slopes.colours, cut,
-                slopes.means,
-            )  # fmt: skip
-            note_view(
-                start, stop, view == 0, frame.bins.span, slopes.means_2d, *half_sides, part, cut, np.float32(BASIS[0]),
-                self._shares, self.seen, self.lengths, self.by_name["sh_dc"],
-            )  # fmt: skip
-            if views > 1:
-                rows = slice(start, stop)
-                for name, slope in of_slopes(slopes).items():
-                    totals[name][rows] = slope[rows] if view == 0 else totals[name][rows] + slope[rows]
-            if view == views - 1:
-                self._settle(k, totals)
+        def job(worker: int, k: int) -> None:
+            self._sound[k] = take_view(
+                jobs[k], jobs[k + 1], chunks.rows, colours, notes, own, totals, view == views - 1, self._settling(worker, totals)
+            )
 
         self._pool.run(job, len(jobs) - 1)
         if view == views - 1:
@@ -164,35 +162,34 @@ class GaussianGradients:
             total += sh_rest_gradient(self._splats.means, view.centre, degree, view.cut, total.shape[1])
         return total
 
-    def _settle(self, k: int, totals: Arrays) -> None:
-        """Go from the world to the attributes of the Gaussians of a job, and to the corners of their triangles."""
-        chunks, state, pose, splats, by = self._chunks, self._state, self._pose, self._splats, totals.values()
+    def _settling(self, worker: int, totals: tuple[np.ndarray, ...]) -> tuple[Any, ...]:
+        """Give what `settle` wants, but for the chunks."""
+        chunks, state, pose, splats = self._chunks, self._state, self._pose, self._splats
         frames, values = pose.frames, state.values
-        self._sound[k] = settle(
-            self._jobs[k], self._jobs[k + 1], chunks.faces, chunks.rows, chunks.first_row,
-            values["position"], values["quaternion"], state.binding,
-            splats.means, splats.scales, splats.quaternions, splats.opacities, splats.colours, *by,
-            pose.vertices, self._rig.faces, frames.rotation, frames.scale, frames.origin, self._with_mesh,
-            self._shares, self.seen, self._limits, np.float32(LARGEST_GRADIENT), *self.by_name.values(), self._rig.g_corners,
-            self._penalties,
+        scratch = self._buffers.space(f"scratch {worker}", SCRATCH, np.float32)
+        pulls = self._buffers.space(f"pulls {worker}", PULLS * chunks.most_faces, np.float32)
+        return (
+            chunks.faces, chunks.rows, flat(values["position"]), flat(values["quaternion"]), state.binding,
+            flat(splats.scales), flat(splats.quaternions), splats.opacities, flat(splats.colours), *totals,
+            flat(pose.vertices), flat(self._rig.faces), flat(frames.rotation), frames.scale, self._with_mesh,
+            self._shares, self._limits, np.float32(LARGEST_GRADIENT), *map(flat, self.by_name.values()), flat(self._rig.g_corners),
+            self._penalties, scratch, pulls,
         )  # fmt: skip
 
-    def _totals(self, slopes: SplatGradients) -> Arrays:
+    def _totals(self, slopes: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
         """Give space for the sums over views."""
-        n = len(self._state)
-        return {name: self._space(f"total {name}", n, slope[0].size) for name, slope in of_slopes(slopes).items()}
+        return tuple(self._buffers.space(f"total {k}", slope.size, np.float32) for k, slope in enumerate(slopes))
 
     def _space(self, name: str, n: int, width: int, dtype: type[np.generic] = np.float32) -> np.ndarray:
         space = self._buffers.space(name, n * width, dtype)
         return space if width == 1 else space.reshape(n, width)
 
 
-def of_slopes(slopes: SplatGradients) -> Arrays:
-    """Give the gradients that are summed over views, by name."""
-    return {
-        "means": slopes.means,
-        "scales": slopes.scales,
-        "quaternions": slopes.quaternions,
-        "opacities": slopes.opacities,
-        "sensitivities": slopes.colours[:, 3],
-    }
+def of_slopes(slopes: SplatGradients) -> tuple[np.ndarray, ...]:
+    """Give the gradients that are summed over views, flat: by means, scales, quaternions, opacities and colours."""
+    return tuple(flat(slope) for slope in (slopes.means, slopes.scales, slopes.quaternions, slopes.opacities, slopes.colours))
+
+
+def flat(array: np.ndarray) -> np.ndarray:
+    """Give a contiguous array as one row."""
+    return array.reshape(-1)

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from sacha_core.animation.posed import block_bounds
 from sacha_core.parallel.pool import Pool
 from sacha_core.train.gradients import ViewColours
-from sacha_core.train.kernels.adam import adam_range, harmonics_range
+from sacha_core.train.kernels.adam import harmonics_range, step_one_row, step_range
 from sacha_core.train.state import Arrays, TrainState
 
 __all__ = ["BETAS", "EPSILON", "step_gaussians", "step_motion"]
@@ -48,17 +48,16 @@ def step_gaussians(
     bounds = block_bounds(len(state), ROWS, pool.threads)
     centres, cuts = tuple(view.centre for view in colours), tuple(view.cut for view in colours)
     rest = [kind["sh_rest"] for kind in (state.values, state.first, state.second)]
-    tasks = [
-        ((state.values[name], gradient, state.first[name], state.second[name]), pace.of(rates[name]))
-        for name, gradient in gradients.items()
-    ]
+    names = tuple(gradients)
+    arrays = flat(state.values, names), flat(gradients, names), flat(state.first, names), flat(state.second, names)
+    widths, paces = tuple(gradients[name][:1].size for name in names), tuple(pace.rate(rates[name]) for name in names)
 
     def job(_: int, k: int) -> None:
         start, stop = bounds[k], bounds[k + 1]
         if colours and degree > 0:
-            harmonics_range(start, stop, degree, means, centres, cuts, *rest, *pace.of(rates["sh_rest"]))
-        for arrays, numbers in tasks:
-            adam_range(*(array[start:stop].reshape(-1) for array in arrays), *numbers)
+            harmonics_range(start, stop, degree, means, centres, cuts, *rest, pace.rate(rates["sh_rest"]), *pace.rest)
+        if names:
+            step_range(start, stop, widths, *arrays, paces, *pace.rest)
 
     pool.run(job, len(bounds) - 1)
 
@@ -66,26 +65,35 @@ def step_gaussians(
 def step_motion(state: TrainState, timestep: int, gradients: Arrays, rates: Mapping[str, float]) -> None:
     """Take one step with the motion of all timesteps, of which one has gradients (rows by name)."""
     state.steps["motion"] += 1
-    pace = Pace(state.steps["motion"])
-    for name, row in gradients.items():
-        gradient = np.zeros_like(state.values[name])
-        gradient[timestep] = row
-        arrays = (state.values[name], gradient, state.first[name], state.second[name])
-        adam_range(*(array.reshape(-1) for array in arrays), *pace.of(rates[name]))
+    pace, names = Pace(state.steps["motion"]), tuple(gradients)
+    widths, paces = tuple(gradients[name].size for name in names), tuple(pace.rate(rates[name]) for name in names)
+    rows = len(state.values[names[0]])
+    step_one_row(
+        timestep, rows, widths, flat(state.values, names), flat(gradients, names), flat(state.first, names), flat(state.second, names),
+        paces, *pace.rest, np.zeros(rows * max(widths), np.float32),
+    )  # fmt: skip
+
+
+def flat(arrays: Arrays, names: Sequence[str]) -> tuple[np.ndarray, ...]:
+    """Give some arrays, each as one row."""
+    return tuple(arrays[name].reshape(-1) for name in names)
 
 
 class Pace:
-    """What a step's number makes of the rates: the kernel's last arguments.
+    """What a step's number makes of the rates: the kernels' last arguments.
 
     Args:
         step: counted from 1.
+
+    Attributes:
+        rest: what does not depend on the rate.
     """
 
     def __init__(self, step: int) -> None:
         self._correction = 1 - BETAS[0] ** step
         square = 1 / math.sqrt(1 - BETAS[1] ** step)
-        self._rest = tuple(np.float32(number) for number in (*BETAS, 1 - BETAS[0], 1 - BETAS[1], EPSILON, square))
+        self.rest = tuple(np.float32(number) for number in (*BETAS, 1 - BETAS[0], 1 - BETAS[1], EPSILON, square))
 
-    def of(self, rate: float) -> tuple[np.float32, ...]:
-        """Give the arguments for a learning rate."""
-        return (np.float32(rate / self._correction), *self._rest)
+    def rate(self, rate: float) -> np.float32:
+        """Give the first of them for a learning rate."""
+        return np.float32(rate / self._correction)

@@ -43,6 +43,7 @@ __all__ = [
     "minimum",
     "moved_up",
     "number",
+    "power_of_two",
     "prefetch",
     "prefetch_to_write",
     "ramp",
@@ -667,3 +668,14 @@ def lanes_negative(a):
     if a == lanes_type:
         return lambda a: negative(a)
     return None
+
+
+@intrinsic
+def power_of_two(typingctx, x):
+    """Give 2^x for whole numbers x from -126 to 127."""
+
+    def codegen(context, builder, signature, args):
+        biased = builder.add(builder.fptosi(args[0], INTS), ir.Constant(INTS, [INT(127)] * LANES))
+        return builder.bitcast(builder.shl(biased, ir.Constant(INTS, [INT(23)] * LANES)), VECTOR)
+
+    return lanes_type(lanes_type), codegen

@@ -28,7 +28,9 @@ from sacha_core.parallel.kernels.lanes import (
     transposed,
 )
 
-__all__ = ["first_lanes", "load_columns", "load_wide", "store_columns", "store_products"]
+__all__ = [
+    "first_lanes", "load_at", "load_columns", "load_rows", "load_wide", "store_columns", "store_products", "store_wide",
+]  # fmt: skip
 
 NOTHING = ir.Constant(VECTOR, None)
 UNDEFINED = ir.Constant(VECTOR, ir.Undefined)
@@ -119,6 +121,76 @@ def load_wide(typingctx, array, index, pitch, width, wanted):
         return context.make_tuple(builder, signature.return_type, transposed(builder, rows)[:numbers])
 
     return types.UniTuple(lanes_type, numbers)(array, types.intp, types.intp, width, mask_type), codegen
+
+
+@intrinsic
+def load_at(typingctx, array, rows, at, count):
+    """Give the numbers of a flat float32 array that `rows` names from `at` on; in the lanes beyond `count` the first of them."""
+
+    def codegen(context, builder, signature, args):
+        value = UNDEFINED
+        for lane, place in enumerate(named_places(context, builder, signature.args, args, 1, 1)):
+            value = builder.insert_element(value, builder.load(place, align=4), INT(lane))
+        return value
+
+    return lanes_type(array, rows, types.intp, types.intp), codegen
+
+
+@intrinsic(prefer_literal=True)
+def load_rows(typingctx, array, rows, at, count, width, stride):
+    """Give sixteen rows of `width` (a literal, up to 16) numbers of a flat float32 array as columns.
+
+    Every `stride`-th (a literal) number of `rows` from `at` on names a row; the lanes beyond `count` get the first.
+    """
+    literals = isinstance(width, types.IntegerLiteral) and isinstance(stride, types.IntegerLiteral)
+    if not literals or array.dtype != types.float32:
+        return None
+    numbers, step = width.literal_value, stride.literal_value
+
+    def codegen(context, builder, signature, args):
+        mask = ir.Constant(BITS, [ir.IntType(1)(lane < numbers) for lane in range(LANES)])
+        places = named_places(context, builder, signature.args, args, numbers, step)
+        table = transposed(builder, [masked_load(builder, place, mask) for place in places])
+        return context.make_tuple(builder, signature.return_type, table[:numbers])
+
+    return types.UniTuple(lanes_type, numbers)(array, rows, types.intp, types.intp, width, stride), codegen
+
+
+def named_places(context, builder, kinds, args, width, step):
+    """Give where rows begin whose numbers lie in another array; arguments of `load_rows`, and their types."""
+    array, rows, at, count = args[:4]
+    places = []
+    for lane in range(LANES):
+        inside = builder.icmp_signed(">", count, ir.Constant(count.type, lane))
+        offset = builder.select(inside, ir.Constant(at.type, lane * step), ir.Constant(at.type, 0))
+        row = builder.load(address(context, builder, kinds[1], rows, builder.add(at, offset)))
+        start = builder.mul(context.cast(builder, row, kinds[1].dtype, types.intp), ir.Constant(at.type, width))
+        places.append(address(context, builder, kinds[0], array, start))
+    return places
+
+
+@intrinsic
+def store_wide(typingctx, array, index, count, columns):
+    """Write the first `count` of sixteen rows, one after the other, of as many numbers (eight to sixteen) as there are columns."""
+    if array.dtype != types.float32:
+        return None
+
+    def codegen(context, builder, signature, args):
+        columns, count = cgutils.unpack_tuple(builder, args[3]), args[2]
+        place, width = address(context, builder, signature.args[0], args[0], args[1]), len(columns)
+        mask = ir.Constant(BITS, [ir.IntType(1)(lane < width) for lane in range(LANES)])
+        for lane, row in enumerate(transposed(builder, columns + [UNDEFINED] * (LANES - width))):
+            number = ir.Constant(count.type, lane + 1)
+            pointer = builder.bitcast(place, VECTOR.as_pointer())
+            if number.constant < LANES:
+                with builder.if_then(builder.icmp_signed(">", count, number), likely=True):
+                    builder.store(row, pointer, align=4)  # of which the next row writes over what is too much
+            with builder.if_then(builder.icmp_signed("==" if number.constant < LANES else ">=", count, number)):
+                masked_store(builder, pointer, mask, row)
+            place = builder.gep(place, [INT(width)])
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, types.intp, columns), codegen
 
 
 @intrinsic

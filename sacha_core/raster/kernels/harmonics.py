@@ -120,8 +120,57 @@ def active(degrees, row, count, degree):
     return minimum(load_first(degrees, row, count), degree)
 
 
+@inlined
+def first_slope(c, k):
+    """Give the gradient of colour k by the vector, each basis function of degree 1 taken as a polynomial of x, y and z."""
+    return c[6 + k] * BASIS[3], c[k] * BASIS[1], c[3 + k] * BASIS[2]
+
+
+@inlined
+def second_slope(x, y, z, c, k):
+    """Give the same of degree 2."""
+    xy, yz = c[k] * BASIS[4], c[3 + k] * BASIS[5]
+    zz, xz, xx = c[6 + k] * BASIS[6], c[9 + k] * BASIS[7], c[12 + k] * BASIS[8]
+    return (
+        fma(xy, y, fma(xz, z, F(2) * x * (xx - zz))),
+        fma(xy, x, fma(yz, z, F(-2) * y * (xx + zz))),
+        fma(yz, y, fma(xz, x, F(4) * z * zz)),
+    )
+
+
+@inlined
+def third_slope(x, y, z, c, d, e, k):
+    """Give the same of degree 3, whose last two coefficients of this colour are `d` and `e`."""
+    a0, a1, a2 = c[k] * BASIS[9], c[3 + k] * BASIS[10], c[6 + k] * BASIS[11]
+    a3, a4, a5, a6 = c[9 + k] * BASIS[12], c[12 + k] * BASIS[13], d * BASIS[14], e * BASIS[15]
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    across = F(3) * (xx - yy)
+    return (
+        F(6) * xy * a0 + yz * a1 - F(2) * xy * a2 - F(6) * xz * a3 + (F(4) * zz - F(3) * xx - yy) * a4 + F(2) * xz * a5 + across * a6,
+        across * a0 + xz * a1 + (F(4) * zz - xx - F(3) * yy) * a2 - F(6) * yz * a3 - F(2) * xy * a4 - F(2) * yz * a5 - F(6) * xy * a6,
+        xy * a1 + F(8) * yz * a2 + (F(6) * zz - F(3) * (xx + yy)) * a3 + F(8) * xz * a4 + (xx - yy) * a5,
+    )  # fmt: skip
+
+
+@inlined
+def add(a, b):
+    """Give the sum of two triples."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@inlined
+def store_tilt(tilts, at, count, place, slope):
+    """Write the gradients of a colour of up to sixteen Gaussians by their means, from those by the vector to them."""
+    x, y, z, inverse = place
+    dx, dy, dz = slope
+    radial = fma(x, dx, fma(y, dy, z * dz))
+    store_columns(
+        tilts, at, 3, count, ((dx - x * radial) * inverse, (dy - y * radial) * inverse, (dz - z * radial) * inverse)
+    )
+
+
 @kernel
-def harmonic_colours(start, stop, sh_dc, sh_rest, means, centre, degree, degrees, colours):
+def harmonic_colours(start, stop, sh_dc, sh_rest, means, centre, degree, degrees, colours, tilts):
     """Write max(SH + 0.5, 0) of the Gaussians `start` to `stop`. All arrays are contiguous float32 but `degrees`.
 
     A broken coefficient gives a broken colour, which the rasteriser notices.
@@ -136,14 +185,18 @@ def harmonic_colours(start, stop, sh_dc, sh_rest, means, centre, degree, degrees
         degree: 0 to 3; higher coefficients are not looked at.
         degrees: (n,) uint8, of each Gaussian; higher coefficients of it are not looked at either; empty for no such limit.
         colours: (n, 3 or 4) out; a fourth column stays as it is.
+        tilts: (3, n, 3) out: the gradient of each colour by the mean, while the coefficients are at hand; empty for nobody to want them.
     """
-    pitch, width = 3 * sh_rest.shape[1], colours.shape[1]
+    pitch, width, plane, tilting = 3 * sh_rest.shape[1], colours.shape[1], 3 * len(means), tilts.size > 0
+    tilts = tilts.reshape(tilts.size)
     sh_dc, sh_rest, means = sh_dc.reshape(sh_dc.size), sh_rest.reshape(sh_rest.size), means.reshape(means.size)
     colours = colours.reshape(colours.size)
     highest = splat(F(degree))
     for row in range(start, stop, LANES):
         count = stop - row
-        x, y, z, _ = directions(means, 3 * row, count, centre)
+        x, y, z, inverse = directions(means, 3 * row, count, centre)
+        nothing = zeros()
+        by_red, by_green, by_blue = (nothing, nothing, nothing), (nothing, nothing, nothing), (nothing, nothing, nothing)
         red, green, blue = load_columns(sh_dc, 3 * row, 3, count)
         half, constant = splat(F(0.5)), splat(BASIS[0])
         red, green, blue = fma(red, constant, half), fma(green, constant, half), fma(blue, constant, half)
@@ -156,6 +209,8 @@ def harmonic_colours(start, stop, sh_dc, sh_rest, means, centre, degree, degrees
             red = fma(b[0], c[0], fma(b[1], c[3], fma(b[2], c[6], red)))
             green = fma(b[0], c[1], fma(b[1], c[4], fma(b[2], c[7], green)))
             blue = fma(b[0], c[2], fma(b[1], c[5], fma(b[2], c[8], blue)))
+            if tilting:
+                by_red, by_green, by_blue = first_slope(c, 0), first_slope(c, 1), first_slope(c, 2)
         wanted = level >= F(2)
         if some(wanted):
             b = second_degree(x, y, z)
@@ -163,6 +218,10 @@ def harmonic_colours(start, stop, sh_dc, sh_rest, means, centre, degree, degrees
             red = fma(b[0], c[0], fma(b[1], c[3], fma(b[2], c[6], fma(b[3], c[9], fma(b[4], c[12], red)))))
             green = fma(b[0], c[1], fma(b[1], c[4], fma(b[2], c[7], fma(b[3], c[10], fma(b[4], c[13], green)))))
             blue = fma(b[0], c[2], fma(b[1], c[5], fma(b[2], c[8], fma(b[3], c[11], fma(b[4], c[14], blue)))))
+            if tilting:
+                by_red = add(by_red, second_slope(x, y, z, c, 0))
+                by_green = add(by_green, second_slope(x, y, z, c, 1))
+                by_blue = add(by_blue, second_slope(x, y, z, c, 2))
         wanted = level >= F(3)
         if some(wanted):
             b = third_degree(x, y, z)
@@ -173,6 +232,14 @@ def harmonic_colours(start, stop, sh_dc, sh_rest, means, centre, degree, degrees
             red = fma(b[5], c[15], fma(b[6], d[2], red))
             green = fma(b[5], d[0], fma(b[6], d[3], green))
             blue = fma(b[5], d[1], fma(b[6], d[4], blue))
+            if tilting:
+                by_red = add(by_red, third_slope(x, y, z, c, c[15], d[2], 0))
+                by_green = add(by_green, third_slope(x, y, z, c, d[0], d[3], 1))
+                by_blue = add(by_blue, third_slope(x, y, z, c, d[1], d[4], 2))
+        if tilting:
+            store_tilt(tilts, 3 * row, count, (x, y, z, inverse), by_red)
+            store_tilt(tilts, 3 * row + plane, count, (x, y, z, inverse), by_green)
+            store_tilt(tilts, 3 * row + 2 * plane, count, (x, y, z, inverse), by_blue)
         columns = (
             maximum(zeros(), red),
             maximum(zeros(), green),
@@ -185,79 +252,29 @@ def harmonic_colours(start, stop, sh_dc, sh_rest, means, centre, degree, degrees
 
 
 @inlined
-def weight(columns, k, red, green, blue):
-    """Give the gradient by a basis function whose coefficients are three columns from `k` on."""
-    return fma(red, columns[k], fma(green, columns[k + 1], blue * columns[k + 2]))
-
-
-@inlined
-def first_slope(c, red, green, blue):
-    """Give the gradient by the vector, each basis function of degree 1 taken as a polynomial of x, y and z."""
-    return (
-        weight(c, 6, red, green, blue) * BASIS[3],
-        weight(c, 0, red, green, blue) * BASIS[1],
-        weight(c, 3, red, green, blue) * BASIS[2],
-    )
-
-
-@inlined
-def second_slope(x, y, z, c, red, green, blue):
-    """Give the same of degree 2."""
-    xy, yz = weight(c, 0, red, green, blue) * BASIS[4], weight(c, 3, red, green, blue) * BASIS[5]
-    zz, xz = weight(c, 6, red, green, blue) * BASIS[6], weight(c, 9, red, green, blue) * BASIS[7]
-    xx = weight(c, 12, red, green, blue) * BASIS[8]
-    return (
-        fma(xy, y, fma(xz, z, F(2) * x * (xx - zz))),
-        fma(xy, x, fma(yz, z, F(-2) * y * (xx + zz))),
-        fma(yz, y, fma(xz, x, F(4) * z * zz)),
-    )
-
-
-@inlined
-def third_slope(x, y, z, c, d, red, green, blue):
-    """Give the same of degree 3."""
-    a0, a1 = weight(c, 0, red, green, blue) * BASIS[9], weight(c, 3, red, green, blue) * BASIS[10]
-    a2, a3 = weight(c, 6, red, green, blue) * BASIS[11], weight(c, 9, red, green, blue) * BASIS[12]
-    a4 = weight(c, 12, red, green, blue) * BASIS[13]
-    a5 = fma(red, c[15], fma(green, d[0], blue * d[1])) * BASIS[14]
-    a6 = weight(d, 2, red, green, blue) * BASIS[15]
-    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
-    across = F(3) * (xx - yy)
-    return (
-        F(6) * xy * a0 + yz * a1 - F(2) * xy * a2 - F(6) * xz * a3 + (F(4) * zz - F(3) * xx - yy) * a4 + F(2) * xz * a5 + across * a6,
-        across * a0 + xz * a1 + (F(4) * zz - xx - F(3) * yy) * a2 - F(6) * yz * a3 - F(2) * xy * a4 - F(2) * yz * a5 - F(6) * xy * a6,
-        xy * a1 + F(8) * yz * a2 + (F(6) * zz - F(3) * (xx + yy)) * a3 + F(8) * xz * a4 + (xx - yy) * a5,
-    )  # fmt: skip
-
-
-@inlined
 def passed_on(colour, slope):
     """Give the gradient where the colour was not cut at 0, 0 elsewhere."""
     return select(colour > F(0), slope, zeros())
 
 
 @kernel
-def harmonic_gradients(start, stop, sh_rest, means, centre, degree, colours, gradient, cut, g_means):
+def harmonic_gradients(start, stop, tilts, colours, gradient, cut, g_means):
     """Carry gradients by the colours of the Gaussians `start` to `stop` back. All arrays are contiguous float32.
 
     Args:
         start: first row.
         stop: end of the range.
-        sh_rest: (n, k, 3).
-        means: (n, 3).
-        centre: (3,).
-        degree: 0 to 3.
-        colours: (n, 3 or 4) what `harmonic_colours` gave.
+        tilts: (3, n, 3) what `harmonic_colours` gave; empty where colours do not depend on the direction.
+        colours: (n, 3 or 4) likewise.
         gradient: (n, 3 or 4) by the colours, as wide; a fourth column is not looked at.
         cut: (n, 3) out: `gradient` where the colour was not cut at 0, 0 elsewhere.
         g_means: (n, 3) added to.
     """
-    pitch, width = 3 * sh_rest.shape[1], colours.shape[1]
-    sh_rest, means = sh_rest.reshape(sh_rest.size), means.reshape(means.size)
+    width, plane = colours.shape[1], 3 * len(colours)
     colours, gradient = colours.reshape(colours.size), gradient.reshape(gradient.size)
-    cut, g_means = cut.reshape(cut.size), g_means.reshape(g_means.size)
+    tilts, cut, g_means = tilts.reshape(tilts.size), cut.reshape(cut.size), g_means.reshape(g_means.size)
     for row in range(start, stop, LANES):
-        count, at = stop - row, pitch * row
+        count = stop - row
         if width == 4:
             red, green, blue, _ = load_columns(colours, 4 * row, 4, count)
             g_red, g_green, g_blue, _ = load_columns(gradient, 4 * row, 4, count)
@@ -266,30 +283,17 @@ def harmonic_gradients(start, stop, sh_rest, means, centre, degree, colours, gra
             g_red, g_green, g_blue = load_columns(gradient, 3 * row, 3, count)
         red, green, blue = passed_on(red, g_red), passed_on(green, g_green), passed_on(blue, g_blue)
         store_columns(cut, 3 * row, 3, count, (red, green, blue))
-        size = absolute(red) + absolute(green) + absolute(blue)
-        wanted = select(size <= F(0), zeros(), splat(F(degree))) > F(
-            0
-        )  # what is not a number is, so that it does not hide
-        if not some(wanted):
+        if len(tilts) == 0:
             continue
-        prefetch_block(
-            sh_rest, pitch, row + AHEAD, stop, splat(F(degree))
-        )  # what follows something seen is likely to be seen, too
-        x, y, z, inverse = directions(means, 3 * row, count, centre)
-        dx, dy, dz = first_slope(load_wide(sh_rest, at, pitch, 9, wanted), red, green, blue)
-        if degree > 1:
-            c = load_wide(sh_rest, at + 9, pitch, 15, wanted)
-            ex, ey, ez = second_slope(x, y, z, c, red, green, blue)
-            dx, dy, dz = dx + ex, dy + ey, dz + ez
-        if degree > 2:
-            c, d = third_columns(sh_rest, at, pitch, wanted)
-            ex, ey, ez = third_slope(x, y, z, c, d, red, green, blue)
-            dx, dy, dz = dx + ex, dy + ey, dz + ez
-        radial = fma(x, dx, fma(y, dy, z * dz))
+        size = absolute(red) + absolute(green) + absolute(blue)
+        rx, ry, rz = load_columns(tilts, 3 * row, 3, count)
+        gx, gy, gz = load_columns(tilts, 3 * row + plane, 3, count)
+        bx, by, bz = load_columns(tilts, 3 * row + 2 * plane, 3, count)
         mx, my, mz = load_columns(g_means, 3 * row, 3, count)
-        mx = fma(dx - x * radial, inverse, mx)
-        my = fma(dy - y * radial, inverse, my)
-        mz = fma(dz - z * radial, inverse, mz)
+        still = size <= F(0)  # whatever its coefficients are; what is not a number does not hide
+        mx = select(still, mx, fma(red, rx, fma(green, gx, fma(blue, bx, mx))))
+        my = select(still, my, fma(red, ry, fma(green, gy, fma(blue, by, my))))
+        mz = select(still, mz, fma(red, rz, fma(green, gz, fma(blue, bz, mz))))
         store_columns(g_means, 3 * row, 3, count, (mx, my, mz))
 
 

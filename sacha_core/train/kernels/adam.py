@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from sacha_core.parallel.kernels.kernel import kernel
@@ -23,19 +21,22 @@ from sacha_core.parallel.kernels.lanes import (
 )
 from sacha_core.raster.kernels.harmonics import NUMBERS, rest_gradients
 
+F = np.float32
 TINIEST = np.float32(1e-37)  # just above where float32 becomes denormal and arithmetic slow
-FAST = {"contract", "nsz", "arcp", "reassoc"}
-
-
-@kernel(error_model="numpy", fastmath=FAST)
-def adam_range(value, gradient, mean, square, rate, beta1, beta2, rest1, rest2, epsilon, square_correction):
-    """Step some values; moments too small for a normal number become 0.
+@inlined
+def stepped(
+    value, gradient, mean, square, at, count, slopes, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
+):
+    """Step up to sixteen values from `at` on; moments too small for a normal number become 0.
 
     Args:
-        value: (p,) float32, changed.
-        gradient: (p,) float32.
-        mean: (p,) float32, first moment, changed.
-        square: (p,) float32, second moment, changed.
+        value: flat float32, changed.
+        gradient: flat float32.
+        mean: flat float32, first moment, changed.
+        square: flat float32, second moment, changed.
+        at: first value.
+        count: so many there are.
+        slopes: where their gradients begin.
         rate: learning rate over the first moment's bias correction.
         beta1: decay of the first moment.
         beta2: decay of the second moment.
@@ -44,23 +45,6 @@ def adam_range(value, gradient, mean, square, rate, beta1, beta2, rest1, rest2, 
         epsilon: beside the root of the second moment.
         square_correction: one over the root of the second moment's bias correction.
     """
-    zero = np.float32(0)
-    for i in range(len(value)):
-        slope = gradient[i]
-        m = beta1 * mean[i] + rest1 * slope
-        s = beta2 * square[i] + rest2 * slope * slope
-        m = m if abs(m) > TINIEST else zero
-        s = s if s > TINIEST else zero
-        mean[i] = m
-        square[i] = s
-        value[i] -= rate * m / (math.sqrt(s) * square_correction + epsilon)
-
-
-@inlined
-def stepped(
-    value, gradient, mean, square, at, count, slopes, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
-):
-    """Step up to sixteen values from `at` on by their gradients; else as `adam_range`, rounded a little otherwise."""
     slope = load_first(gradient, slopes, count)
     m = fma(splat(beta1), load_first(mean, at, count), slope * rest1)
     s = fma(splat(beta2), load_first(square, at, count), slope * slope * rest2)
@@ -70,6 +54,34 @@ def stepped(
     store_first(value, at, count, load_first(value, at, count) - m * rate / length)
     store_first(mean, at, count, m)
     store_first(square, at, count, s)
+
+
+@kernel
+def step_range(
+    start, stop, widths, values, gradients, means, squares, rates, beta1, beta2, rest1, rest2, epsilon, square_correction
+):  # fmt: skip
+    """Step the rows `start` to `stop` of several arrays, all flat; of arrays, their widths and rates there are tuples, else as `stepped`."""
+    for k in range(len(widths)):
+        value, gradient, mean, square, rate = values[k], gradients[k], means[k], squares[k], rates[k]
+        for at in range(widths[k] * start, widths[k] * stop, LANES):
+            stepped(
+                value, gradient, mean, square, at, widths[k] * stop - at, at, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
+            )
+
+
+@kernel
+def step_one_row(
+    row, rows, widths, values, slopes, means, squares, rates, beta1, beta2, rest1, rest2, epsilon, square_correction, gradient
+):  # fmt: skip
+    """Step all `rows` of several arrays, of which one has gradients, `slopes`; else as `step_range`. `gradient` holds zeros, and will again."""
+    for k in range(len(widths)):
+        value, mean, square, rate, own, width = values[k], means[k], squares[k], rates[k], slopes[k], widths[k]
+        gradient[width * row : width * (row + 1)] = own
+        for at in range(0, width * rows, LANES):
+            stepped(
+                value, gradient, mean, square, at, width * rows - at, at, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
+            )
+        gradient[width * row : width * (row + 1)] = F(0)
 
 
 @kernel
@@ -90,7 +102,7 @@ def harmonics_range(
         value: (n, k, 3) changed, as are the next two.
         mean: (n, k, 3) first moment.
         square: (n, k, 3) second moment.
-        rate: as of `adam_range`, as are the others.
+        rate: as of `stepped`, as are the others.
         beta1: see there.
         beta2: see there.
         rest1: see there.

@@ -2,7 +2,8 @@
 
 What a triangle's frame does to its Gaussians is a rigid motion and a scaling. So all that the frame's gradient can be is a force (by the
 origin), a torque about the origin (by a turn of the frame) and a tension (by the scale), and each is a plain sum over the Gaussians.
-Gaussians are sorted by triangle, and a triangle belongs to one thread: every sum has one order.
+All three are taken along the axes of the frame, where a Gaussian's own parameters and their gradients already are. Gaussians are sorted by
+triangle, and a triangle belongs to one thread: every sum has one order.
 
 From there to the corners: let a, n, b be the columns of the frame's rotation, e = |e| a the first edge and h = s e - t b the second. A turn
 shows as n.de / |e| about b, as -b.de / |e| about n, and as (n.dh - s n.de) / t about a. Twice the scale is |e| + t, with d|e| = a.de and
@@ -11,125 +12,138 @@ dt = s b.de - b.dh.
 
 from __future__ import annotations
 
-from sacha_core.parallel.kernels.kernel import kernel
+import numpy as np
 
-FAST = {"contract", "nsz", "arcp", "reassoc"}
-SMALLEST_SQUARE = 1e-24  # of a quaternion, as `geometry.quaternion` has it
+from sacha_core.parallel.kernels.lanes import (
+    LANES,
+    absolute,
+    every,
+    fma,
+    inlined,
+    load,
+    load_first,
+    maximum,
+    select,
+    splat,
+    store,
+    store_first,
+    store_transposed,
+    zeros,
+)
+from sacha_core.parallel.kernels.rows import first_lanes, load_rows, load_wide, store_wide
+
+F = np.float32
+SMALLEST_SQUARE = F(1e-24)  # of a quaternion, as `geometry.quaternion` has it
+PULLS = 16  # numbers a row of sums: force, torque, tension, and nothing
 
 
-@kernel(error_model="numpy", fastmath=FAST, forceinline=True)
-def carry_backward(  # noqa: PLR0915 - one loop, whose sums live in registers
-    start, stop, first_row, seen, quaternion, means, scales, turned, g_means, g_scales, g_turned,
-    vertices, faces, f_rotation, f_scale, f_origin, with_mesh,
-    g_position, g_log_scale, g_quaternion, g_corners,
-):  # fmt: skip
-    """Go back from the Gaussians of the triangles `start` to `stop` to their parameters, and to the triangles' corners.
+@inlined
+def dot(ax, ay, az, bx, by, bz):
+    """Give the dot products of sixteen pairs of vectors."""
+    return fma(ax, bx, fma(ay, by, az * bz))
 
-    Args:
-        start: first triangle.
-        stop: end of the range.
-        first_row: (f + 1,) first Gaussian of each triangle.
-        seen: (n,) above 0 where there is a gradient. Where there is none, the gradient is 0 whatever the values are, which may be infinite.
-        quaternion: (n, 4) own, of any length.
-        means: (n, 3) in the world, like the next five.
-        scales: (n, 3).
-        turned: (n, 4) of unit length.
-        g_means: (n, 3) gradient by `means`.
-        g_scales: (n, 3) by `scales`.
-        g_turned: (n, 4) by `turned`.
-        vertices: (v, 3) posed.
-        faces: (f, 3).
-        f_rotation: (f, 3, 3) of the frames, like the next two.
-        f_scale: (f,).
-        f_origin: (f, 3).
-        with_mesh: whether `g_corners` is wanted.
-        g_position: (n, 3) out.
-        g_log_scale: (n, 3) out.
-        g_quaternion: (n, 4) out.
-        g_corners: (f, 3, 3) out: by the place of each corner.
+
+@inlined
+def cross(ax, ay, az, bx, by, bz):
+    """Give their cross products."""
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+@inlined
+def position_slopes(keep, unit, rotation, slopes):
+    """Give the gradient by the own positions from that by the means, with the frames' scales `unit` and rotations, row by row."""
+    x, y, z = slopes
+    r, nothing = rotation, zeros()
+    return (
+        select(keep, unit * dot(r[0], r[3], r[6], x, y, z), nothing),
+        select(keep, unit * dot(r[1], r[4], r[7], x, y, z), nothing),
+        select(keep, unit * dot(r[2], r[5], r[8], x, y, z), nothing),
+    )
+
+
+@inlined
+def quaternion_slopes(keep, own, turned, slopes):
+    """Give the gradient by the Gaussians' own quaternions, of any length, from that by their unit quaternions in the world.
+
+    Of a unit quaternion t only its turn counts, to first order t (0, u): the gradient by u is the vector part of the conjugate of t times
+    the gradient by t. The Gaussian's own quaternion q turns by as much as t does: that by q is q (0, u) / |q|^2.
     """
-    zero, half, one = means.dtype.type(0), means.dtype.type(0.5), means.dtype.type(1)
-    third, smallest = means.dtype.type(1 / 3), means.dtype.type(SMALLEST_SQUARE)
-    for f in range(start, stop):
-        k = f_scale[f]
-        ax, nx, bx = f_rotation[f, 0, 0], f_rotation[f, 0, 1], f_rotation[f, 0, 2]
-        ay, ny, by = f_rotation[f, 1, 0], f_rotation[f, 1, 1], f_rotation[f, 1, 2]
-        az, nz, bz = f_rotation[f, 2, 0], f_rotation[f, 2, 1], f_rotation[f, 2, 2]
-        ox, oy, oz = f_origin[f, 0], f_origin[f, 1], f_origin[f, 2]
-        force_x, force_y, force_z, tension = zero, zero, zero, zero
-        torque_x, torque_y, torque_z = zero, zero, zero
-        for i in range(first_row[f], first_row[f + 1]):
-            if seen[i] == 0:
-                for c in range(3):
-                    g_position[i, c], g_log_scale[i, c], g_quaternion[i, c] = zero, zero, zero
-                g_quaternion[i, 3] = zero
-                continue
-            gx, gy, gz = g_means[i, 0], g_means[i, 1], g_means[i, 2]
-            g_position[i, 0] = k * (ax * gx + ay * gy + az * gz)
-            g_position[i, 1] = k * (nx * gx + ny * gy + nz * gz)
-            g_position[i, 2] = k * (bx * gx + by * gy + bz * gz)
-            sx, sy, sz = g_scales[i, 0] * scales[i, 0], g_scales[i, 1] * scales[i, 1], g_scales[i, 2] * scales[i, 2]
-            g_log_scale[i, 0], g_log_scale[i, 1], g_log_scale[i, 2] = sx, sy, sz
+    tw, tx, ty, tz = turned
+    hw, hx, hy, hz = slopes
+    cx, cy, cz = cross(tx, ty, tz, hx, hy, hz)
+    ux, uy, uz = tw * hx - hw * tx - cx, tw * hy - hw * ty - cy, tw * hz - hw * tz - cz
+    w, x, y, z = own
+    inverse = F(1) / maximum(splat(SMALLEST_SQUARE), fma(w, w, dot(x, y, z, x, y, z)))
+    ux, uy, uz = ux * inverse, uy * inverse, uz * inverse
+    ax, ay, az = cross(x, y, z, ux, uy, uz)
+    nothing = zeros()
+    return (
+        select(keep, -dot(x, y, z, ux, uy, uz), nothing),
+        select(keep, fma(w, ux, ax), nothing),
+        select(keep, fma(w, uy, ay), nothing),
+        select(keep, fma(w, uz, az), nothing),
+    )
 
-            # Of a unit quaternion t only its turn counts, to first order t (0, u): the gradient by u is the vector part of the conjugate
-            # of t times the gradient by t. The Gaussian's own quaternion q turns by as much as t does: that by q is q (0, u) / |q|^2.
-            tw, tx, ty, tz = turned[i, 0], turned[i, 1], turned[i, 2], turned[i, 3]
-            hw, hx, hy, hz = g_turned[i, 0], g_turned[i, 1], g_turned[i, 2], g_turned[i, 3]
-            lx, ly, lz = tw * hx - hw * tx, tw * hy - hw * ty, tw * hz - hw * tz
-            cx, cy, cz = ty * hz - tz * hy, tz * hx - tx * hz, tx * hy - ty * hx
-            ux, uy, uz = lx - cx, ly - cy, lz - cz
-            w, x, y, z = quaternion[i, 0], quaternion[i, 1], quaternion[i, 2], quaternion[i, 3]
-            inverse = one / max(w * w + x * x + y * y + z * z, smallest)
-            ux, uy, uz = ux * inverse, uy * inverse, uz * inverse
-            g_quaternion[i, 0] = -x * ux - y * uy - z * uz
-            g_quaternion[i, 1] = w * ux + y * uz - z * uy
-            g_quaternion[i, 2] = w * uy + z * ux - x * uz
-            g_quaternion[i, 3] = w * uz + x * uy - y * ux
 
-            if with_mesh:
-                px, py, pz = means[i, 0] - ox, means[i, 1] - oy, means[i, 2] - oz
-                force_x, force_y, force_z = force_x + gx, force_y + gy, force_z + gz
-                tension += px * gx + py * gy + pz * gz + sx + sy + sz
-                # of a turn of the frame the mean sees its own torque; t becomes (0, half the turn) t
-                torque_x += py * gz - pz * gy + half * (lx + cx)
-                torque_y += pz * gx - px * gz + half * (ly + cy)
-                torque_z += px * gy - py * gx + half * (lz + cz)
-        if not with_mesh:
-            continue
-        if first_row[f] == first_row[f + 1]:
-            for corner in range(3):
-                for c in range(3):
-                    g_corners[f, corner, c] = zero
-            continue
-        i0, i1, i2 = faces[f, 0], faces[f, 1], faces[f, 2]
-        ex, ey, ez = (
-            vertices[i1, 0] - vertices[i0, 0],
-            vertices[i1, 1] - vertices[i0, 1],
-            vertices[i1, 2] - vertices[i0, 2],
-        )
-        hx, hy, hz = (
-            vertices[i2, 0] - vertices[i0, 0],
-            vertices[i2, 1] - vertices[i0, 1],
-            vertices[i2, 2] - vertices[i0, 2],
-        )
-        edge = one / (ex * ax + ey * ay + ez * az)
-        s = (hx * ax + hy * ay + hz * az) * edge
-        about_a = (torque_x * ax + torque_y * ay + torque_z * az) / -(hx * bx + hy * by + hz * bz)
-        about_n = (torque_x * nx + torque_y * ny + torque_z * nz) * edge
-        about_b = (torque_x * bx + torque_y * by + torque_z * bz) * edge
-        pull = half * tension / k
-        by_b, by_n = pull * s - about_n, about_b - about_a * s
-        gx, gy, gz = (
-            pull * ax + by_b * bx + by_n * nx,
-            pull * ay + by_b * by + by_n * ny,
-            pull * az + by_b * bz + by_n * nz,
-        )
-        hx, hy, hz = about_a * nx - pull * bx, about_a * ny - pull * by, about_a * nz - pull * bz
-        force_x, force_y, force_z = force_x * third, force_y * third, force_z * third
-        g_corners[f, 0, 0], g_corners[f, 0, 1], g_corners[f, 0, 2] = (
-            force_x - gx - hx,
-            force_y - gy - hy,
-            force_z - gz - hz,
-        )
-        g_corners[f, 1, 0], g_corners[f, 1, 1], g_corners[f, 1, 2] = force_x + gx, force_y + gy, force_z + gz
-        g_corners[f, 2, 0], g_corners[f, 2, 1], g_corners[f, 2, 2] = force_x + hx, force_y + hy, force_z + hz
+@inlined
+def add_pulls(keep, row, count, own, quaternion, g_position, g_log_scale, g_quaternion, binding, first, sums, scratch):
+    """Add what up to sixteen Gaussians from `row` on do to their triangles to the sums, of which row 0 is that of triangle `first`.
+
+    Of a turn of the frame a mean sees its own torque; q becomes (0, half the turn) q.
+    """
+    x, y, z = own
+    gx, gy, gz = g_position
+    tx, ty, tz = cross(x, y, z, gx, gy, gz)
+    qw, qx, qy, qz = quaternion
+    gw, vx, vy, vz = g_quaternion
+    cx, cy, cz = cross(qx, qy, qz, vx, vy, vz)
+    half, nothing = F(0.5), zeros()
+    tension = dot(x, y, z, gx, gy, gz) + (g_log_scale[0] + g_log_scale[1] + g_log_scale[2])
+    store_transposed(scratch, 0, (
+        gx, gy, gz,
+        select(keep, tx + half * (qw * vx - gw * qx + cx), nothing),
+        select(keep, ty + half * (qw * vy - gw * qy + cy), nothing),
+        select(keep, tz + half * (qw * vz - gw * qz + cz), nothing),
+        select(keep, tension, nothing),
+        nothing, nothing, nothing, nothing, nothing, nothing, nothing, nothing, nothing,
+    ))  # fmt: skip
+    for lane in range(min(count, LANES)):
+        at = PULLS * (binding[row + lane] - first)
+        store(sums, at, load(sums, at) + load(scratch, PULLS * lane))
+
+
+@inlined
+def corner_slopes(face, count, first, sums, vertices, faces, f_rotation, f_scale, g_corners):
+    """Write the gradients by the corners of up to sixteen triangles from `face` on; arguments flat, sums as of `add_pulls`."""
+    wanted = first_lanes(count)
+    fx, fy, fz, about_a, about_n, about_b, tension = load_wide(sums, PULLS * (face - first), PULLS, 7, wanted)
+    pulled = absolute(fx) + absolute(fy) + absolute(fz) + absolute(about_a) + absolute(about_n) + absolute(about_b)
+    if every(pulled + absolute(tension) <= F(0)):
+        for at in range(9 * face, 9 * (face + min(count, LANES)), LANES):
+            store_first(g_corners, at, 9 * (face + min(count, LANES)) - at, zeros())
+        return
+    r = load_wide(f_rotation, 9 * face, 9, 9, wanted)
+    unit = F(1) / load_first(f_scale, face, count)
+    x, y, z = load_rows(vertices, faces, 3 * face, count, 3, 3)
+    ex, ey, ez = load_rows(vertices, faces, 3 * face + 1, count, 3, 3)
+    hx, hy, hz = load_rows(vertices, faces, 3 * face + 2, count, 3, 3)
+    ex, ey, ez, hx, hy, hz = ex - x, ey - y, ez - z, hx - x, hy - y, hz - z
+    edge = F(1) / dot(ex, ey, ez, r[0], r[3], r[6])
+    s = dot(hx, hy, hz, r[0], r[3], r[6]) * edge
+    about_a = -(about_a / dot(hx, hy, hz, r[2], r[5], r[8]))
+    about_n, about_b = about_n * edge, about_b * edge
+    pull = F(0.5) * tension * unit
+    third = unit * F(1 / 3)
+    fx, fy, fz = fx * third, fy * third, fz * third
+    # by e along a, n and b, and by h likewise, where the first is 0
+    ea, en, eb = pull, about_b - about_a * s, pull * s - about_n
+    hn, hb = about_a, -pull
+    one, two, none = (fx + ea, fy + en, fz + eb), (fx, fy + hn, fz + hb), (fx - ea, fy - en - hn, fz - eb - hb)
+    store_wide(g_corners, 9 * face, count, (
+        dot(r[0], r[1], r[2], none[0], none[1], none[2]), dot(r[3], r[4], r[5], none[0], none[1], none[2]),
+        dot(r[6], r[7], r[8], none[0], none[1], none[2]),
+        dot(r[0], r[1], r[2], one[0], one[1], one[2]), dot(r[3], r[4], r[5], one[0], one[1], one[2]),
+        dot(r[6], r[7], r[8], one[0], one[1], one[2]),
+        dot(r[0], r[1], r[2], two[0], two[1], two[2]), dot(r[3], r[4], r[5], two[0], two[1], two[2]),
+        dot(r[6], r[7], r[8], two[0], two[1], two[2]),
+    ))  # fmt: skip

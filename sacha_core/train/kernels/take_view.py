@@ -1,0 +1,47 @@
+"""All that one view's gradients go through, chunk by chunk: what a chunk of Gaussians needs stays in the cache from one part to the next."""
+
+from __future__ import annotations
+
+from sacha_core.parallel.kernels.kernel import kernel
+from sacha_core.raster.kernels.harmonics import harmonic_gradients
+from sacha_core.train.kernels.settle import note_view, settle
+
+
+@kernel
+def accumulate(start, stop, anew, own, totals):
+    """Add the gradients `start` to `stop` of one view to the sums over views, or begin the sums with them."""
+    for i in range(start, stop):
+        totals[i] = own[i] if anew else totals[i] + own[i]
+
+
+@kernel
+def take_view(first, last, rows_of, colours, notes, own, totals, last_view, settling):
+    """Add a view's gradients of the chunks `first` to `last`, and settle them with the last view.
+
+    Args:
+        first: chunk.
+        last: end of the range of chunks.
+        rows_of: (chunks + 1,) first Gaussian of each chunk.
+        colours: what `harmonic_gradients` wants after the rows.
+        notes: what `note_view` wants after the rows; its first tells whether this is the first view.
+        own: flat gradients by the splats, those by the opacities the last but one.
+        totals: likewise, sums over views; `own` itself where there is but one.
+        last_view: whether no other follows.
+        settling: what `settle` wants after the chunks.
+
+    Returns:
+        Whether all gradients are sound.
+    """
+    good = True
+    for chunk in range(first, last):
+        start, stop = rows_of[chunk], rows_of[chunk + 1]
+        harmonic_gradients(start, stop, *colours)
+        note_view(start, stop, *notes)
+        if not (notes[0] and last_view):
+            n = len(own[3])
+            for k in range(len(own)):
+                width = len(own[k]) // max(n, 1)
+                accumulate(width * start, width * stop, notes[0], own[k], totals[k])
+        if last_view:
+            good &= settle(chunk, chunk + 1, *settling)
+    return good
