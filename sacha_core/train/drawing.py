@@ -74,7 +74,10 @@ class Drawer:
         self._state, self._pose = state, pose
         self._to_carry = True
         values, frames, splats = state.values, pose.frames, self.splats
-        own = (values[name].reshape(-1) for name in ("position", "log_scale", "quaternion", "opacity_logit", "sensitivity_logit"))
+        own = (
+            values[name].reshape(-1)
+            for name in ("position", "log_scale", "quaternion", "opacity_logit", "sensitivity_logit")
+        )
         factors = alive(values[MASK_LOGIT]).astype(np.float32) if MASK_LOGIT in values else NO_MASKS
         self._carrying = (
             *own, factors, state.binding, frames.rotation.reshape(-1), frames.scale, frames.origin.reshape(-1),
@@ -114,6 +117,7 @@ class Drawer:
         crop = union(pixel_box(sides, camera, MARGIN), box, camera)
         part = camera.crop(crop[0], crop[1], crop[2] - crop[0], crop[3] - crop[1])
         return Drawing(self._rasteriser.forward(splats, part, BACKGROUND), crop)
+
 
 def union(reached: tuple[int, int, int, int] | None, box: Box, camera: Camera) -> Box:
     """Give what must be drawn: what Gaussians reach (left, top, width, height) and, with a margin, `box`; at least one pixel."""

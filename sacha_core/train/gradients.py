@@ -21,7 +21,7 @@ from sacha_core.train.kernels.settle import SCRATCH
 from sacha_core.train.kernels.take_view import take_view
 from sacha_core.train.options import LossOptions
 from sacha_core.train.rig import Rig
-from sacha_core.train.state import Arrays, TrainState
+from sacha_core.train.state import TrainState
 
 __all__ = ["GaussianGradients", "ViewColours"]
 
@@ -138,7 +138,15 @@ class GaussianGradients:
 
         def job(worker: int, k: int) -> None:
             self._sound[k] = take_view(
-                jobs[k], jobs[k + 1], chunks.rows, colours, notes, own, totals, view == views - 1, self._settling(worker, totals)
+                jobs[k],
+                jobs[k + 1],
+                chunks.rows,
+                colours,
+                notes,
+                own,
+                totals,
+                view == views - 1,
+                self._settling(worker, totals),
             )
 
         self._pool.run(job, len(jobs) - 1)
@@ -187,7 +195,9 @@ class GaussianGradients:
 
 def of_slopes(slopes: SplatGradients) -> tuple[np.ndarray, ...]:
     """Give the gradients that are summed over views, flat: by means, scales, quaternions, opacities and colours."""
-    return tuple(flat(slope) for slope in (slopes.means, slopes.scales, slopes.quaternions, slopes.opacities, slopes.colours))
+    return tuple(
+        flat(slope) for slope in (slopes.means, slopes.scales, slopes.quaternions, slopes.opacities, slopes.colours)
+    )
 
 
 def flat(array: np.ndarray) -> np.ndarray:

@@ -64,4 +64,4 @@ def test_called_kernel_rounds_the_same_wherever_its_code_came_from(caller, calle
 
 def test_calls_between_kernels_are_found():
     called = {called for _, called, _ in calls_between_kernels()}
-    assert {"shading.noise", "settle.sound", "frames.gather"} <= called
+    assert {"shading.noise", "settle.note_view", "frames.gather"} <= called

@@ -105,10 +105,11 @@ def test_any_range_gives_the_same_bits_and_nothing_outside(start: int, stop: int
     results = []
     for first, last in ((0, n), (start, stop)):
         colours, cut, g_means, g_rest = (np.full(shape, none) for shape in ((n, 4), (n, 3), (n, 3), (n, 15, 3)))
-        harmonic_colours(first, last, sh_dc, sh_rest, means, centre, degree, ALL_DEGREES, colours)
-        harmonic_gradients(first, last, sh_rest, means, centre, degree, colours, gradient, cut, g_means)
+        tilts = np.full((3, n, 3), none)
+        harmonic_colours(first, last, sh_dc, sh_rest, means, centre, degree, ALL_DEGREES, colours, tilts)
+        harmonic_gradients(first, last, tilts, colours, gradient, cut, g_means)
         coefficient_gradients(first, last, means, centre, degree, cut, g_rest)
-        results.append((colours, cut, g_means, g_rest))
+        results.append((colours, cut, g_means, g_rest, tilts.swapaxes(0, 1)))
     for whole, part in zip(*results, strict=True):
         assert np.array_equal(part[rows], whole[rows])
         assert (part[others] == none).all()

@@ -1,18 +1,22 @@
-"""The way back from Gaussians in the world to their parameters and the pose, against finite differences of the way there in float64."""
+"""The way back from Gaussians in the world to their parameters and the pose, against finite differences of the way there in float64.
+
+In float64 it is a plain twin that they judge; the kernel, which knows float32 alone, is held to the twin.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import pytest
+from plain_carry_backward import carry_backward
 
 from sacha_core.animation.carry import carry
 from sacha_core.avatar.motion import Motion
 from sacha_core.flame.model import HeadModel
 from sacha_core.parallel.pool import Pool
-from sacha_core.train.kernels.carry_backward import carry_backward
+from sacha_core.train.kernels.carry_backward import PULLS
+from sacha_core.train.kernels.settle import SCRATCH, settle
 from sacha_core.train.rig import Rig
 from sacha_core.train.state import FITTED_MOTION
 
@@ -85,14 +89,36 @@ class Scene:
         back = {name: np.full_like(value, np.nan) for name, value in zip(OWN, own, strict=True)}
         rig.g_corners[:] = np.nan
         bounds = np.linspace(0, self.head.n_faces, threads + 1).astype(int)
-        for start, stop in pairwise(bounds):
+        slopes = [u.astype(dtype) for u in self.upstream]
+        if dtype == np.float64:
             carry_backward(
-                start, stop, first_row, seen, own[2], *world, *(u.astype(dtype) for u in self.upstream), pose.vertices, rig.faces,
+                0, self.head.n_faces, first_row, seen, own[2], *world, *slopes, pose.vertices, rig.faces,
                 pose.frames.rotation, pose.frames.scale, pose.frames.origin, with_mesh, *back.values(), rig.g_corners,
             )  # fmt: skip
+        else:
+            self.settle(bounds, first_row, seen, own, world, slopes, pose, rig, with_mesh, back)
         if with_mesh:
             back |= rig.backward(pose, {name: values[name] for name in FITTED_MOTION})
         return back
+
+    def settle(self, bounds, first_row, seen, own, world, slopes, pose, rig, with_mesh, back) -> None:
+        """Let the kernel go back, without penalties, a chunk for each of the bounds."""
+        ones, four, limits = (
+            np.ones(N, np.float32),
+            np.ones(4 * N, np.float32),
+            np.array([1e30, 1e30, 0, 0], np.float32),
+        )
+        flat = [array.reshape(-1) for array in (*own, *world, *slopes)]
+        out, most, frames = [np.full(N, np.nan, np.float32) for _ in range(2)], int(np.diff(bounds).max()), pose.frames
+        for chunk in range(len(bounds) - 1):
+            sound = settle(
+                chunk, chunk + 1, bounds, first_row[bounds], flat[0], flat[2], self.binding, flat[4], flat[5], ones, four,
+                flat[6], flat[7], flat[8], ones, four, pose.vertices.reshape(-1), rig.faces.reshape(-1), frames.rotation.reshape(-1),
+                frames.scale, with_mesh, seen.astype(np.float32), limits, np.float32(1e18), np.zeros(3 * N, np.float32), *out,
+                back["log_scale"].reshape(-1), back["quaternion"].reshape(-1), back["position"].reshape(-1), rig.g_corners.reshape(-1),
+                np.zeros((len(bounds), 2)), np.empty(SCRATCH, np.float32), np.empty(PULLS * most, np.float32),
+            )  # fmt: skip
+            assert sound
 
 
 @pytest.mark.parametrize("rest", [False, True], ids=["posed", "at rest, where Rodrigues' angle vanishes"])
@@ -133,8 +159,8 @@ def test_threads_change_no_bit() -> None:
 
 def test_a_mesh_that_stands_still_changes_nothing_for_those_on_it() -> None:
     scene = Scene.random()
-    alone = scene.gradients(np.float64)
-    for name, gradient in scene.gradients(np.float64, with_mesh=False).items():
+    alone = scene.gradients(np.float32)
+    for name, gradient in scene.gradients(np.float32, with_mesh=False).items():
         assert np.array_equal(gradient, alone[name]), name
 
 
@@ -142,12 +168,12 @@ def test_what_is_not_seen_has_no_gradient_and_gives_none_whatever_its_values() -
     scene, hidden = Scene.random(), (0, 11, N - 1)
     for part in scene.upstream:
         part[list(hidden)] = 0
-    expected = scene.gradients(np.float64)
+    expected = scene.gradients(np.float32)
     scene.values["log_scale"][hidden[0]] = 800.0  # beyond what exp can hold
     scene.values["position"][hidden[1]] = np.inf
     scene.values["quaternion"][hidden[2]] = 0.0
     with np.errstate(over="ignore"):
-        gradients = scene.gradients(np.float64, unseen=hidden)
+        gradients = scene.gradients(np.float32, unseen=hidden)
     for name, gradient in gradients.items():
         assert gradient == pytest.approx(expected[name], rel=1e-12, abs=1e-12), name
     assert not any(gradients[name][row].any() for name in OWN for row in hidden)

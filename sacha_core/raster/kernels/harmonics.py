@@ -170,7 +170,9 @@ def store_tilt(tilts, at, count, place, slope):
 
 
 @kernel
-def harmonic_colours(start, stop, sh_dc, sh_rest, means, centre, degree, degrees, colours, tilts):
+def harmonic_colours(  # noqa: PLR0915 - degree after degree, whose coefficients live in registers
+    start, stop, sh_dc, sh_rest, means, centre, degree, degrees, colours, tilts
+):  # fmt: skip
     """Write max(SH + 0.5, 0) of the Gaussians `start` to `stop`. All arrays are contiguous float32 but `degrees`.
 
     A broken coefficient gives a broken colour, which the rasteriser notices.
@@ -196,7 +198,11 @@ def harmonic_colours(start, stop, sh_dc, sh_rest, means, centre, degree, degrees
         count = stop - row
         x, y, z, inverse = directions(means, 3 * row, count, centre)
         nothing = zeros()
-        by_red, by_green, by_blue = (nothing, nothing, nothing), (nothing, nothing, nothing), (nothing, nothing, nothing)
+        by_red, by_green, by_blue = (
+            (nothing, nothing, nothing),
+            (nothing, nothing, nothing),
+            (nothing, nothing, nothing),
+        )
         red, green, blue = load_columns(sh_dc, 3 * row, 3, count)
         half, constant = splat(F(0.5)), splat(BASIS[0])
         red, green, blue = fma(red, constant, half), fma(green, constant, half), fma(blue, constant, half)

@@ -23,6 +23,8 @@ from sacha_core.raster.kernels.harmonics import NUMBERS, rest_gradients
 
 F = np.float32
 TINIEST = np.float32(1e-37)  # just above where float32 becomes denormal and arithmetic slow
+
+
 @inlined
 def stepped(
     value, gradient, mean, square, at, count, slopes, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
@@ -60,12 +62,25 @@ def stepped(
 def step_range(
     start, stop, widths, values, gradients, means, squares, rates, beta1, beta2, rest1, rest2, epsilon, square_correction
 ):  # fmt: skip
-    """Step the rows `start` to `stop` of several arrays, all flat; of arrays, their widths and rates there are tuples, else as `stepped`."""
+    """Step the rows `start` to `stop` of several arrays, all flat; arrays, widths and rates are tuples; else as `stepped`."""
     for k in range(len(widths)):
         value, gradient, mean, square, rate = values[k], gradients[k], means[k], squares[k], rates[k]
         for at in range(widths[k] * start, widths[k] * stop, LANES):
             stepped(
-                value, gradient, mean, square, at, widths[k] * stop - at, at, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
+                value,
+                gradient,
+                mean,
+                square,
+                at,
+                widths[k] * stop - at,
+                at,
+                rate,
+                beta1,
+                beta2,
+                rest1,
+                rest2,
+                epsilon,
+                square_correction,
             )
 
 
@@ -73,13 +88,26 @@ def step_range(
 def step_one_row(
     row, rows, widths, values, slopes, means, squares, rates, beta1, beta2, rest1, rest2, epsilon, square_correction, gradient
 ):  # fmt: skip
-    """Step all `rows` of several arrays, of which one has gradients, `slopes`; else as `step_range`. `gradient` holds zeros, and will again."""
+    """Step all `rows` of several arrays, of which one has gradients, `slopes`; `gradient` holds zeros, and will again."""
     for k in range(len(widths)):
         value, mean, square, rate, own, width = values[k], means[k], squares[k], rates[k], slopes[k], widths[k]
         gradient[width * row : width * (row + 1)] = own
         for at in range(0, width * rows, LANES):
             stepped(
-                value, gradient, mean, square, at, width * rows - at, at, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
+                value,
+                gradient,
+                mean,
+                square,
+                at,
+                width * rows - at,
+                at,
+                rate,
+                beta1,
+                beta2,
+                rest1,
+                rest2,
+                epsilon,
+                square_correction,
             )
         gradient[width * row : width * (row + 1)] = F(0)
 

@@ -23,11 +23,9 @@ from sacha_core.parallel.kernels.lanes import (
     prefetch_to_write,
     select,
     some,
-    splat,
     square_root,
     store,
     store_first,
-    sums,
     zeros,
 )
 from sacha_core.parallel.kernels.rows import load_at, load_columns, load_rows, store_columns
@@ -229,11 +227,26 @@ def settle(
             nothing = zeros()
             by_size = select(keep, hx * sx, nothing), select(keep, hy * sy, nothing), select(keep, hz * sz, nothing)
             if with_mesh:
-                add_pulls(keep, row, count, own, quaternions, by_position, by_size, by_quaternion, binding, face, pulls, scratch)
+                add_pulls(
+                    keep,
+                    row,
+                    count,
+                    own,
+                    quaternions,
+                    by_position,
+                    by_size,
+                    by_quaternion,
+                    binding,
+                    face,
+                    pulls,
+                    scratch,
+                )
             unit = F(1) / unit
             penalty, by_position = penalise_straying(share, limits[0], limits[2], own, by_position)
             strayed = strayed + penalty
-            penalty, by_size = penalise_swelling(share, limits[1], limits[3], (sx * unit, sy * unit, sz * unit), by_size)
+            penalty, by_size = penalise_swelling(
+                share, limits[1], limits[3], (sx * unit, sy * unit, sz * unit), by_size
+            )
             swollen = swollen + penalty
             by_opacity = through_sigmoid(load_first(opacities, row, count), load_first(g_opacities, row, count))
             by_sensitivity = through_sigmoid(
@@ -246,7 +259,11 @@ def settle(
             store_first(g_sensitivity_logit, row, count, by_sensitivity)
             dx, dy, dz = load_columns(g_dc, 3 * row, 3, count)
             good = good & sound(dx, dy, dz, largest) & sound(by_position[0], by_position[1], by_position[2], largest)
-            good = good & sound(by_size[0], by_size[1], by_size[2], largest) & sound(by_opacity, by_sensitivity, nothing, largest)
+            good = (
+                good
+                & sound(by_size[0], by_size[1], by_size[2], largest)
+                & sound(by_opacity, by_sensitivity, nothing, largest)
+            )
             good = good & sound(by_quaternion[1], by_quaternion[2], by_quaternion[3], largest)
             good = good & sound(by_quaternion[0], nothing, nothing, largest)
         penalties[chunk, 0], penalties[chunk, 1] = total(strayed), total(swollen)

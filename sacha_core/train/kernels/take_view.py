@@ -1,4 +1,4 @@
-"""All that one view's gradients go through, chunk by chunk: what a chunk of Gaussians needs stays in the cache from one part to the next."""
+"""All that one view's gradients go through, chunk by chunk: what a chunk needs stays in the cache from one part to the next."""
 
 from __future__ import annotations
 
