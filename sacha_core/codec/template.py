@@ -67,7 +67,8 @@ class Template:
         beside = np.full((len(points), max(edges.around.shape[1], edges.beside.shape[1])), NOWHERE)
         beside[: len(self.grid), : edges.around.shape[1]] = edges.around
         beside[len(self.grid) :, : edges.beside.shape[1]] = edges.beside
-        return along_curve(points, points >> (GRID_BITS + 1 - CURVE_BITS), beside)
+        cells = np.minimum(points >> (GRID_BITS + 1 - CURVE_BITS), (1 << CURVE_BITS) - 1)
+        return along_curve(points, cells, beside)
 
 
 def unknown_template(n_faces: int) -> Template:

@@ -6,426 +6,337 @@ It trusts its input: what it must refuse is tested elsewhere. Sections follow th
 from __future__ import annotations
 
 import math
-import struct
-import zlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
-from reference_coder import StackDecoder, cumulative
+from reference_motion import dynamic_of, static_of
+from reference_places import Head, Pass, Trusted, all_passes, first_passes, known_head, mean, unknown_head
+from reference_profiles import archive_gaussians, archive_motion, paper_gaussians, paper_motion, rgb_of
+from reference_streams import AdaptiveIntegers, Fields, Tokens, sections_of
 
-STEP = [math.isqrt(1 << e) for e in range(48)]
-MOTION_WIDTHS = {"expression": 0, "rotation": 3, "neck": 3, "jaw": 3, "eyes": 6, "translation": 3}
-
-Pass = tuple[int, list[tuple[int, tuple[int, ...]]]]  # kind; of each Gaussian: its row and the rows known beside it
-
-
-class Fields:
-    """Walks over the fields of a section."""
-
-    def __init__(self, data: bytes) -> None:
-        self.data, self.at = data, 0
-
-    def read(self, layout: str) -> tuple:
-        """Give the next values of a little-endian layout."""
-        values = struct.unpack_from("<" + layout, self.data, self.at)
-        self.at += struct.calcsize("<" + layout)
-        return values
-
-    def take(self, n_bytes: int | None = None) -> bytes:
-        """Give the next bytes, or all that are left."""
-        end = len(self.data) if n_bytes is None else self.at + n_bytes
-        part, self.at = self.data[self.at : end], end
-        assert end <= len(self.data)
-        return part
-
-    def text(self) -> str:
-        """Give a text."""
-        return self.take(*self.read("B")).decode()
-
-
-def sections_of(data: bytes) -> dict[str, bytes]:
-    """Split the container."""
-    fields = Fields(data)
-    _, major, _, n_sections, n_bytes, checksum = fields.read("8sHHIQI")
-    table = fields.take(16 * n_sections)
-    assert (major, n_bytes, checksum) == (1, len(data), zlib.crc32(data[:24] + bytes(4) + table))
-    return {name.rstrip(b"\0").decode(): fields.take(n) for name, n, _ in struct.iter_unpack("<8sII", table)}
-
-
-class AdaptiveIntegers:
-    """Section "Adaptive integers"."""
-
-    def __init__(self, data: bytes, n_contexts: int) -> None:
-        self.data, self.at, self.code, self.range = data, 0, 0, (1 << 32) - 1
-        self.models = [[32768, 32768, 0] for _ in range(n_contexts * 6 * 56)]
-        for _ in range(4):
-            self.code = self.code << 8 | self.next_byte()
-
-    def next_byte(self) -> int:
-        """Give the next byte, 0 past the end."""
-        self.at += 1
-        return self.data[self.at - 1] if self.at <= len(self.data) else 0
-
-    def bin(self, number: int | None = None) -> int:
-        """Read a bin with a model, or an even one."""
-        if number is None:
-            self.range >>= 1
-            bound = self.range
-        else:
-            fast, slow, seen = model = self.models[number]
-            bound = (self.range >> 16) * min(max((fast + slow) >> 1, 64), 65472)
-        bit = int(self.code >= bound)
-        self.code -= bound * bit
-        if number is not None:
-            self.range = self.range - bound if bit else bound
-            for i, most in enumerate((4, 7)):
-                shift = min(most, seen.bit_length() + 1)
-                model[i] += -(model[i] >> shift) if bit else (65536 - model[i]) >> shift
-            model[2] = min(seen + 1, 127)
-        while self.range < 1 << 24:
-            self.range = self.range << 8 & 0xFFFFFFFF
-            self.code = self.code << 8 & 0xFFFFFFFF | self.next_byte()
-        return bit
-
-    def run(self, contexts: Iterable[int]) -> list[int]:
-        """Read one integer under each context."""
-        values = [0, 0]
-        for context in contexts:
-            activity = min((abs(values[-1]) + abs(values[-2])).bit_length(), 5)
-            values.append(self.integer((context * 6 + activity) * 56))
-        return values[2:]
-
-    def integer(self, base: int) -> int:
-        """Read one integer with the models from `base` on."""
-        if not self.bin(base):
-            return 0
-        sign = -1 if self.bin(base + 1) else 1
-        for magnitude in range(1, 15):
-            if not self.bin(base + 1 + magnitude):
-                return sign * magnitude
-        length = 0
-        while self.bin(base + 16 + min(length, 19)):
-            length += 1
-        u = 1
-        for i in range(length):
-            u = u << 1 | self.bin(base + 36 + min(length, 19) if i == 0 else None)
-        return sign * (14 + u)
-
-    def end(self) -> None:
-        """Check that no byte was left unread."""
-        assert self.at >= len(self.data)
-
-
-class Tokens:
-    """Section "Tokens"."""
-
-    def __init__(self, data: bytes, n_contexts: int) -> None:
-        fields = Fields(data)
-        n_tables, table_bytes, raw_bytes = fields.read("BII")
-        coded = AdaptiveIntegers(fields.take(table_bytes), 3)
-        self.table_of = np.cumsum(coded.run([2] * n_contexts)).tolist()
-        self.tables = []
-        for _ in range(n_tables):
-            first, n_tokens = coded.run([0, 0])
-            self.tables.append((first, cumulative(np.cumsum(coded.run([1] * n_tokens)).tolist())))
-        coded.end()
-        self.raw = "".join(f"{byte:08b}" for byte in fields.take(raw_bytes))
-        self.stack = StackDecoder([word for (word,) in struct.iter_unpack("<I", fields.take())])
-
-    def batch(self, contexts: Sequence[int]) -> list[int]:
-        """Read one integer under each context."""
-        tables = [self.table_of[context] for context in contexts]
-        tokens = [0] * len(contexts)
-        for table in sorted(set(tables)):
-            first, ends = self.tables[table]
-            for i in (i for i, mine in enumerate(tables) if mine == table):
-                tokens[i] = first + self.stack.decode(ends)
-        return [self.integer(token) for token in tokens]
-
-    def integer(self, token: int) -> int:
-        """Complete a token by its raw bits."""
-        j = abs(token) - 16
-        if j < 0:
-            return token
-        length = j // 4 + 2
-        magnitude = ((4 + j % 4) << length) + int(self.raw[:length], 2)
-        self.raw = self.raw[length:]
-        return -magnitude if token < 0 else magnitude
-
-    def end(self) -> None:
-        """Check that nothing is left."""
-        assert not self.stack.words
-        assert self.stack.state == 0
-        assert self.raw in "0000000"
-
-
-def curve_index(cell: Sequence[int]) -> int:
-    """Place of a cell on the curve."""
-    x = list(cell)
-    for b in range(9, 0, -1):
-        mask = (1 << b) - 1
-        for a in range(3):
-            if x[a] >> b & 1:
-                x[0] ^= mask
-            else:
-                swap = (x[0] ^ x[a]) & mask
-                x[0] ^= swap
-                x[a] ^= swap
-    x[1] ^= x[0]
-    x[2] ^= x[1]
-    w = 0
-    for b in range(9, 0, -1):
-        w ^= ((1 << b) - 1) * (x[2] >> b & 1)
-    return int("".join(str((value ^ w) >> b & 1) for b in range(9, -1, -1) for value in x), 2)
-
-
-def triangles_of(vertices: np.ndarray, faces: np.ndarray) -> tuple[list[int], list[int]]:
-    """Section "Triangles": coding order, and size class of each triangle of the head."""
-    wide = vertices.astype(float) - vertices.astype(float).min(axis=0)
-    octave = math.frexp(wide.max())[1]
-    grid = [[round(math.ldexp(float(x), 20 - octave)) for x in vertex] for vertex in wide]
-    corners = [[grid[vertex] for vertex in face] for face in faces]
-    sums = [[sum(axis) for axis in zip(*triangle, strict=True)] for triangle in corners]
-    low = [min(axis) for axis in zip(*sums, strict=True)]
-    cells = [[min((x - y) * 1024 // (3 << 20), 1023) for x, y in zip(total, low, strict=True)] for total in sums]
-    classes = []
-    for p, q, r in corners:
-        (ax, ay, az), (bx, by, bz) = ([y - x for x, y in zip(p, end, strict=True)] for end in (q, r))
-        x, y, z = float(ay * bz - az * by), float(az * bx - ax * bz), float(ax * by - ay * bx)
-        classes.append(math.frexp((x * x + y * y) + z * z)[1] >> 1)
-    middle = sorted(classes)[len(classes) // 2]
-    order = sorted(range(len(cells)), key=lambda face: (curve_index(cells[face]), face))
-    return order, [one - middle for one in classes]
-
-
-def passes_of(slots: list[list[int]]) -> list[Pass]:
-    """Section "Order of Gaussians"; a first has two rows beside it (none: the very first), a mate all earlier ones of its slot."""
-    m = len(slots)
-    passes: list[Pass] = [(0, [(slots[0][0], ())])] if m else []
-    half = (1 << (m - 1).bit_length()) // 2 if m else 0
-    while half:
-        firsts = []
-        for slot in range(half, m, 2 * half):
-            behind = slot + half if slot + half < m else slot - half
-            firsts.append((slots[slot][0], (slots[slot - half][0], slots[behind][0])))
-        passes += [({1: 2, 2: 1}.get(half, 0), firsts)] if firsts else []
-        half //= 2
-    low = 1
-    while low < max(map(len, slots), default=0):
-        width = max(1, (1 << (low.bit_length() - 1)) // 2)
-        mates = [(row, tuple(slot[:low])) for slot in slots for row in slot[low : low + width]]
-        passes.append((3, mates))
-        low += width
-    return passes
+STEP = [math.isqrt(math.isqrt(math.isqrt(1 << e))) for e in range(224)]
+COUNT_BOUNDS = (1, 4, 8, 12, 16, 20, 24, 32, 40, 48, 64, 96, 128, 256, 512)
+Classes = tuple[int, int, int, int]  # T, Z, E, H
+Quaternion = tuple[float, float, float, float]
 
 
 class Rule:
-    """Section "Steps"; classes are (T, Z, E)."""
+    """Section "Steps"."""
 
     def __init__(self, fields: Fields) -> None:
-        *self.weights, self.reference, self.low, self.high, self.base = fields.read("5bBB")
-        self.n_classes = ((self.high - self.low) >> 1) + 1
+        *self.weights, self.reference, self.low, self.high, self.base, self.of_hidden = fields.read("5b3B")
 
-    def shift(self, t: int, z: int, e: int) -> int:
+    def shift(self, classes: Classes) -> int:
         """Shift of the exponent."""
+        t, z, e, h = classes
         of_t, of_z, of_e = self.weights
-        return min(max((of_t * t + of_z * (self.reference - z) - of_e * e) >> 2, self.low), self.high)
+        return min(max(of_t * t + of_z * (self.reference - z) - of_e * e, self.low), self.high) + self.of_hidden * h
 
-    def step(self, classes: tuple[int, int, int]) -> int:
+    def step(self, classes: Classes) -> int:
         """Step of a Gaussian."""
-        return STEP[self.base + self.shift(*classes)]
+        return STEP[self.base + self.shift(classes)]
 
-    def step_class(self, classes: tuple[int, int, int]) -> int:
-        """Step class of a Gaussian."""
-        return (self.shift(*classes) - self.low) >> 1
+
+def numbers_of(data: bytes, head: Head) -> tuple[bool, list[int]]:
+    """Section "Order of Gaussians": whether places are vertices, and how many Gaussians each carries."""
+    by_vertex = data[0] == 1
+    places = head.vertices if by_vertex else head.triangles
+    assert places is not None
+    tokens, numbers = Tokens(data[1:], 16), [0] * len(places.point)
+    for step in first_passes(places, list(range(len(numbers))), by_vertex):
+        sixteenths = [16 * min(one, 1 << 30) for one in numbers]
+        contexts = [sum(bound <= mean(sixteenths, near) for bound in COUNT_BOUNDS) for near in step.near]
+        for row, integer in zip(step.rows, tokens.batch(contexts), strict=True):
+            numbers[row] = integer
+    tokens.end()
+    return by_vertex, numbers
+
+
+def differences(
+    fields: Fields,
+    passes: list[Pass],
+    n: int,
+    width: int,
+    step: Callable[[int, int], int],
+    take: Callable[[Pass, int, list[int]], None],
+) -> None:
+    """Section "Differences": `step` tells that of a row and component, `take` is given those of a pass and component."""
+    (n_bytes,) = fields.read("B")
+    coded = AdaptiveIntegers(fields.take(n_bytes), 3)
+    weights = np.array(coded.run([0] * (width * 2 * (width + 3))), int).reshape(width, 2, width + 3).tolist()
+    floors = np.array(coded.run([1] * (width * 2)), int).reshape(width, 2).tolist()
+    offsets = np.array(coded.run([2] * (width * 4)), int).reshape(width, 4).tolist()
+    coded.end()
+    tokens = Tokens(fields.take(), 22)
+    sizes = [[0] * n for _ in range(width)]
+    for one in passes:
+        group = int(one.kind == 3)
+        for i in range(width):
+            contexts = []
+            for row, near, mates in zip(one.rows, one.near, one.mates, strict=True):
+                features = [mean(sizes[i], near), sum(mean(of, near) for of in sizes), mean(sizes[i], mates)]
+                features += [sum(mean(of, mates) for of in sizes), *(sizes[c][row] for c in range(i))]
+                weighed = sum(a * feature for a, feature in zip(weights[i][group], features, strict=False)) >> 6
+                estimate = 16 * (weighed + STEP[floors[i][group]]) // step(row, i) + offsets[i][one.kind]
+                contexts.append(sum(math.isqrt(1 << k) <= estimate for k in range(2, 23)))
+            integers = tokens.batch(contexts)
+            for row, integer in zip(one.rows, integers, strict=True):
+                sizes[i][row] = min(abs(integer) * step(row, i), 1 << 40)
+            take(one, i, [integer * step(row, i) for row, integer in zip(one.rows, integers, strict=True)])
+    tokens.end()
 
 
 def predicted(
-    fields: Fields, passes: list[Pass], n: int, rule: Rule, classes: list, step: Callable[[int, int], int], width: int
+    fields: Fields, passes: list[Pass], n: int, width: int, step: Callable[[int, int], int]
 ) -> list[list[int]]:
-    """Section "Predicted values"; `step` tells that of a row and component."""
+    """Section "Predicted values": of each row its components."""
     centre = fields.read(f"{width}q")
-    weights = [fields.read(f"{width}B") for _ in range(4)]
-    tokens = Tokens(fields.take(), 4 * width * rule.n_classes)
-    values = [[0] * width for _ in range(n)]
-    for kind, members in passes:
-        cells = [(row, known, c) for row, known in members for c in range(width)]
-        integers = tokens.batch(
-            [(c * 4 + kind) * rule.n_classes + rule.step_class(classes[row]) for row, _, c in cells]
-        )
+    weights = [[fields.read(f"{width}b") for _ in range(2)] for _ in range(4)]
+    values = [[0] * n for _ in range(width)]
+
+    def take(one: Pass, i: int, off: list[int]) -> None:
         fresh = []
-        for (row, known, c), integer in zip(cells, integers, strict=True):
-            expected = centre[c]
-            if known:
-                total, count = sum(values[i][c] for i in known), len(known)
-                mean = (2 * total + count) // (2 * count)
-                expected += ((mean - centre[c]) * weights[kind][c] + 8) >> 4
-            fresh.append((row, c, expected + integer * step(row, c)))
-        for row, c, value in fresh:
-            values[row][c] = value
-    tokens.end()
-    return values
+        for row, near, mates, difference in zip(one.rows, one.near, one.mates, off, strict=True):
+            terms = [mean(values[i], known) - centre[i] if known else 0 for known in (near, mates)]
+            total = sum(term * weights[one.kind][k][i] for k, term in enumerate(terms))
+            fresh.append((row, centre[i] + ((total + 32) >> 6) + difference))
+        for row, value in fresh:
+            values[i][row] = value
+
+    differences(fields, passes, n, width, step, take)
+    return [list(row) for row in zip(*values, strict=True)]
 
 
-def opacity_of(data: bytes, passes: list[Pass], n: int) -> tuple[list[float], list[int]]:
-    """Section "Opacity": logits and transparency classes."""
+def hidden_of(data: bytes, passes: list[Pass], n: int) -> list[int]:
+    """Section "Hidden"."""
+    if data[0] == 0:
+        assert len(data) == 1
+        return [0] * n
+    return [h for (h,) in predicted(Fields(data[1:]), passes, n, 1, lambda row, i: 1)]
+
+
+def opacity_of(data: bytes, passes: list[Pass], hidden: list[int], slot: list[int]) -> tuple[list[float], list[int]]:
+    """Section "Opacity": logits and transparency classes; `slot` tells the first Gaussian of the slot of each."""
     fields = Fields(data)
-    u, start = fields.read("HH")
-    tokens, index = Tokens(fields.take(), 64), [0] * n
-    for kind, members in passes:
-        if kind == 3:
-            expected = [index[known[-1]] for _, known in members]
+    u, start, of_hidden = fields.read("HHB")
+    tokens, index = Tokens(fields.take(), 256), [0] * len(hidden)
+    spacing = [min(STEP[min(of_hidden * h, 223)], u) for h in hidden]
+    for number, one in enumerate(passes):
+        if one.kind == 3:
+            low = min(row - slot[row] for row in one.rows)
+            expected = [index[slot[row] + low - 1] for row in one.rows]
         else:
-            expected = [(index[known[0]] + index[known[1]] + 1) >> 1 if known else start for _, known in members]
-        integers = tokens.batch([kind * 16 + min(16 * one // u, 15) for one in expected])
-        for (row, _), one, integer in zip(members, expected, integers, strict=True):
-            index[row] = index[row - 1] - integer if kind == 3 else one + integer
+            expected = [mean(index, near) if number else start for near in one.near]
+        octaves = [0 if s == 1 else 1 if s <= 3 else 2 if s <= 7 else 3 for s in (spacing[row] for row in one.rows)]
+        integers = tokens.batch(
+            [(one.kind * 4 + o) * 16 + min(16 * x // u, 15) for o, x in zip(octaves, expected, strict=True)]
+        )
+        for row, x, integer in zip(one.rows, expected, integers, strict=True):
+            index[row] = index[row - 1] - integer * spacing[row] if one.kind == 3 else x + integer * spacing[row]
     tokens.end()
     angles = [math.pi / 2 * max(0.25, min(i, u - 0.25)) / u for i in index]
     logits = [0.0 if 2 * i == u else 2 * math.log(math.tan(angle)) for i, angle in zip(index, angles, strict=True)]
     return logits, [min(round(-2 * math.log2(math.sin(angle) ** 2)), 24) for angle in angles]
 
 
-def rgb_of(y: float, u: float, v: float) -> tuple[float, float, float]:
-    """RGB of integers in units of 2^-14."""
-    y, u, v = y * 2.0**-14, u * 2.0**-14, v * 2.0**-14
-    return y + 1.13983 * v, (y - 0.39465 * u) - 0.5806 * v, y + 2.03211 * u
-
-
-def quaternion_of(values: list[int]) -> list[float]:
-    """Section "Rotation": wxyz."""
-    x, y, z = (value * 2.0**-14 for value in values)
-    s = (x * x + y * y) + z * z
-    w = math.sqrt(max(1 - s, 0.0))
-    length = math.sqrt(w * w + s)
-    return [w / length, x / length, y / length, z / length]
-
-
-def harmonics_of(data: bytes, degree: int, classes: list) -> list[list[tuple[float, float, float]]]:
-    """Section "Harmonic": coefficients of each Gaussian."""
-    fields = Fields(data)
-    rules = [Rule(fields) for _ in range(2 * degree)]
-    tokens = Tokens(fields.take(), 144)
-    spent = [[0, 0] for _ in classes]
-    coefficients: list[list[tuple[float, float, float]]] = [[] for _ in classes]
-    for d in range(degree):
-        luma, differences = rules[d], rules[degree + d]
-        width = 2 * d + 3
-        contexts = [
-            ((d * 2 + min(c, 1)) * 6 + min(luma.step_class(one), 5)) * 4 + min(spent[row][min(c, 1)].bit_length(), 3)
-            for row, one in enumerate(classes)
-            for _ in range(width)
-            for c in range(3)
-        ]
-        integers = np.array(tokens.batch(contexts), int).reshape(len(classes), width, 3).tolist()
-        for row, one in enumerate(classes):
-            for y, u, v in integers[row]:
-                spent[row][0] += abs(y)
-                spent[row][1] += abs(u) + abs(v)
-                coarse = differences.step(one)
-                coefficients[row].append(rgb_of(y * luma.step(one), u * coarse, v * coarse))
-    tokens.end()
-    return coefficients
-
-
-def motion_of(static: bytes, dynamic: bytes, t: int, e: int, s: int, o: int) -> dict[str, np.ndarray]:
-    """Sections "Static" and "Motion"."""
-    fields = Fields(static)
-    shape_step, offset_step = fields.read("dd")
-    coded = AdaptiveIntegers(fields.take(), 4)
-    shape, offsets = coded.run([0] * s), np.array(coded.run([1, 2, 3] * o), float).reshape(o, 3).cumsum(axis=0)
-    coded.end()
-    arrays = {"shape": np.array(shape, float) * shape_step, "static_offset": offsets * offset_step}
-    fields = Fields(dynamic)
-    *steps, _, group_frames = fields.read("ddddH")
-    damping, base_bytes = fields.read("6B"), fields.read("I")[0]
-    widths = MOTION_WIDTHS | {"expression": e}
-    kinds = np.repeat(range(6), list(widths.values())).tolist()
-    coded = AdaptiveIntegers(fields.take(base_bytes), 6)
-    base = coded.run(kinds)
-    coded.end()
-    frames: list[list[int]] = []
-    for n_bytes, checksum in [fields.read("II") for _ in range(-(-t // group_frames))]:
-        group = fields.take(n_bytes)
-        assert checksum == zlib.crc32(group)
-        coded, difference = AdaptiveIntegers(group, 30), [4] * len(kinds)
-        for i in range(min(group_frames, t - len(frames))):
-            expected = base
-            history = [4 if i == 0 else min(abs(one), 3) for one in difference]
-            if i:
-                last, before = frames[-1], frames[-min(i, 2)]
-                moved = zip(last, before, kinds, strict=True)
-                expected = [a + (((a - b) * damping[kind] + 4) >> 3) for a, b, kind in moved]
-            difference = coded.run([kind * 5 + one for kind, one in zip(kinds, history, strict=True)])
-            frames.append([a + b for a, b in zip(expected, difference, strict=True)])
-        coded.end()
-    columns = np.split(np.array(frames, float).reshape(t, e + 18), np.cumsum(list(widths.values()))[:-1], axis=1)
-    for name, column, step in zip(widths, columns, [0, 1, 1, 1, 1, 2], strict=True):
-        arrays[name] = column * steps[step]
-    return arrays
-
-
-def scales_of(data: bytes, passes: list[Pass], transparency: list[int]) -> list[tuple[int, int, int]]:
+def scales_of(data: bytes, passes: list[Pass], classes: list[Classes]) -> list[tuple[int, int, int]]:
     """Section "Scale": l1, l2, l3 of each Gaussian."""
     fields, parts = Fields(data), []
-    classes = [(one, 0, 0) for one in transparency]
     for _ in range(3):
         rule = Rule(fields)
         part = Fields(fields.take(*fields.read("I")))
-        step = [rule.step(one) for one in classes]
-        parts.append(predicted(part, passes, len(classes), rule, classes, lambda row, _, step=step: step[row], 1))
+        steps = [rule.step(one) for one in classes]
+        parts.append(predicted(part, passes, len(classes), 1, lambda row, i, steps=steps: steps[row]))
     return [(a, a - b, a - b - c) for (a,), (b,), (c,) in zip(*parts, strict=True)]
 
 
-def gaussians_of(sections: dict[str, bytes], degree: int, z: list[int], passes: list[Pass]) -> dict[str, np.ndarray]:
-    """All sections of the Gaussians but their counts; z is the size class of the triangle of each."""
-    n = len(z)
-    logits, transparency = opacity_of(sections["Opacity"], passes, n)
-    scales = scales_of(sections["Scale"], passes, transparency)
-    classes = [
-        (one, (a + b) * 189093 >> 29, max((a - b) * 189093 >> 28, 0))
-        for one, (a, b, _) in zip(transparency, scales, strict=True)
+class Axes:
+    """Section "Axes": of a triangle, from its corners on the grid."""
+
+    def __init__(self, corners: list[tuple[int, int, int]] | None) -> None:
+        self.columns: list[Sequence[float]] = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+        self.scale = 1.0
+        if corners is None:
+            return
+        e, d = ([y - x for x, y in zip(corners[0], end, strict=True)] for end in corners[1:])
+        m = [e[1] * d[2] - e[2] * d[1], e[2] * d[0] - e[0] * d[2], e[0] * d[1] - e[1] * d[0]]
+        length, area = (math.sqrt((float(x * x) + float(y * y)) + float(z * z)) for x, y, z in (e, m))
+        if area:
+            a, b = [x / length for x in e], [x / area for x in m]
+            third = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+            self.columns, self.scale = [a, b, third], (length + area / length) * 0.5
+
+    def at(self, i: int, j: int) -> float:
+        """R_ij."""
+        return self.columns[j][i]
+
+    def quaternion(self) -> Quaternion:
+        """The same turn."""
+        r = self.at
+        squares = [1 + r(0, 0) + r(1, 1) + r(2, 2), 1 + r(0, 0) - r(1, 1) - r(2, 2)]
+        squares += [1 - r(0, 0) + r(1, 1) - r(2, 2), 1 - r(0, 0) - r(1, 1) + r(2, 2)]
+        row = squares.index(max(squares))
+        t = math.sqrt(squares[row])
+        own = t * t
+        a, b, c = r(2, 1) - r(1, 2), r(0, 2) - r(2, 0), r(1, 0) - r(0, 1)
+        d, e, f = r(1, 0) + r(0, 1), r(0, 2) + r(2, 0), r(2, 1) + r(1, 2)
+        chosen = ((own, a, b, c), (a, own, d, e), (b, d, own, f), (c, e, f, own))[row]
+        return tuple(one / (2 * t) for one in chosen)
+
+
+def product(p: Quaternion, q: Quaternion) -> Quaternion:
+    """Product of two quaternions."""
+    w, x, y, z = p
+    s, i, j, k = q
+    return (
+        w * s - x * i - y * j - z * k,
+        w * i + x * s + y * k - z * j,
+        w * j - x * k + y * s + z * i,
+        w * k + x * j - y * i + z * s,
+    )
+
+
+def likeness(q: Quaternion, r: Quaternion) -> Quaternion:
+    """Likeness of q to r."""
+    w, x, y, z = q
+    best, largest = q, -1.0
+    for one in (q, (-x, w, z, -y), (-y, -z, w, x), (-z, y, -x, w)):
+        dot = one[0] * r[0] + one[1] * r[1] + one[2] * r[2] + one[3] * r[3]
+        if abs(dot) > largest:
+            best, largest = tuple(-c for c in one) if dot < 0 else one, abs(dot)
+    return best
+
+
+def rotations_of(data: bytes, passes: list[Pass], classes: list[Classes], axes: list[Axes]) -> list[Quaternion]:
+    """Section "Rotation"."""
+    fields = Fields(data)
+    (domain,) = fields.read("B")
+    rules = [Rule(fields) for _ in range(3)]
+    weights = [fields.read("2B") for _ in range(4)]
+    n = len(classes)
+    known: list[Quaternion] = [(1.0, 0.0, 0.0, 0.0)] * n
+    steps = [[rule.step(one) for rule in rules] for one in classes]
+    turns = [[0, 0, 0] for _ in range(n)]
+
+    def expected(kind: int, near: Trusted, mates: Trusted) -> Quaternion:
+        total: Quaternion = (0.0, 0.0, 0.0, 0.0)
+        for weight, others in ((weights[kind][1], mates), (weights[kind][0], near)):
+            for row, trust in others if weight else []:
+                alike = likeness(known[row], total)
+                total = tuple(a + b * (weight * trust) for a, b in zip(total, alike, strict=True))
+        w, x, y, z = total
+        length = math.sqrt(w * w + x * x + y * y + z * z)
+        return tuple(one / length for one in total) if length else (1.0, 0.0, 0.0, 0.0)
+
+    def take(one: Pass, i: int, off: list[int]) -> None:
+        for row, difference in zip(one.rows, off, strict=True):
+            turns[row][i] = difference
+        if i == 2:
+            fresh = []
+            for row, near, mates in zip(one.rows, one.near, one.mates, strict=True):
+                x, y, z = (value * 2.0**-14 for value in turns[row])
+                s = (x * x + y * y) + z * z
+                w = math.sqrt(max(1 - s, 0.0))
+                length = math.sqrt(w * w + s)
+                turn = (w / length, x / length, y / length, z / length)
+                fresh.append((row, product(expected(one.kind, near, mates), turn)))
+            for row, orientation in fresh:
+                known[row] = orientation
+
+    differences(fields, passes, n, 3, lambda row, i: steps[row][i], take)
+    if domain:
+        for row, axis in enumerate(axes):
+            w, x, y, z = axis.quaternion()
+            known[row] = product((w, -x, -y, -z), known[row])
+    return known
+
+
+def positions_of(
+    data: bytes,
+    passes: list[Pass],
+    classes: list[Classes],
+    z: list[int],
+    axes: list[Axes],
+    places: list[Sequence[float]],
+) -> list[list[float]]:
+    """Section "Position"; `places` are those that domain 1 starts from."""
+    fields = Fields(data)
+    (domain,) = fields.read("B")
+    rule = Rule(fields)
+    exponents = [
+        rule.base + rule.shift(one) - (0 if domain else 4 * size) for one, size in zip(classes, z, strict=True)
     ]
-    fields = Fields(sections["Rotation"])
-    turn = Rule(fields)
-    turns = predicted(fields, passes, n, turn, classes, lambda row, _: turn.step(classes[row]), 3)
-    fields = Fields(sections["Position"][1:])
-    place = Rule(fields)
-    exponents = [place.base + place.shift(*one) - size for one, size in zip(classes, z, strict=True)]
-    places = predicted(fields, passes, n, place, classes, lambda row, _: STEP[min(max(exponents[row], 0), 47)], 3)
+    values = predicted(fields, passes, len(classes), 3, lambda row, i: STEP[min(max(exponents[row], 0), 223)])
+    if not domain:
+        return [[value * 2.0**-16 for value in row] for row in values]
+    found = []
+    for row, axis, place in zip(values, axes, places, strict=True):
+        x, y, z_ = (value / 16 + c for value, c in zip(row, place, strict=True))
+        found.append([((axis.at(0, j) * x + axis.at(1, j) * y) + axis.at(2, j) * z_) / axis.scale for j in range(3)])
+    return found
+
+
+def harmonics_of(data: bytes, degree: int, classes: list[Classes]) -> list[list[tuple[float, float, float]]]:
+    """Section "Harmonic": coefficients of each Gaussian."""
+    raise NotImplementedError
+
+
+def gaussians_of(sections: dict[str, bytes], degree: int, head: Head) -> dict[str, np.ndarray]:
+    """All sections of the Gaussians of a lossy file."""
+    by_vertex, numbers = numbers_of(sections["Counts"], head)
+    places = head.vertices if by_vertex else head.triangles
+    assert places is not None
+    passes = all_passes(places, numbers, by_vertex)
+    where = [one for one, number in enumerate(numbers) for _ in range(number)]
+    slot, n = [where.index(one) for one in where], len(where)
+    binding = [places.triangle[one] for one in where]
+    z = [head.z[face] for face in binding]
+    hidden = hidden_of(sections["Hidden"], passes, n)
+    logits, transparency = opacity_of(sections["Opacity"], passes, hidden, slot)
+    seen = list(zip(transparency, hidden, strict=True))
+    scales = scales_of(sections["Scale"], passes, [(t, 0, 0, h) for t, h in seen])
+    classes = [
+        (t, (a + b) * 189093 >> 29, max((a - b) * 189093 >> 28, 0), h)
+        for (t, h), (a, b, _) in zip(seen, scales, strict=True)
+    ]
+    corners = [head.corners[face] if head.corners else None for face in binding]
+    axes = [Axes(one) for one in corners]
+    starts: list[Sequence[float]] = [(0.0, 0.0, 0.0)] * n
+    if by_vertex:
+        starts = [
+            [(3 * x - 2 * sum(c[i] for c in three)) / 6 for i, x in enumerate(places.point[one])]
+            for one, three in zip(where, corners, strict=True)
+        ]
     fields = Fields(sections["Colour"])
     colour = [Rule(fields) for _ in range(3)]
-    colours = predicted(fields, passes, n, colour[0], classes, lambda row, c: colour[c].step(classes[row]), 3)
+    yuv = predicted(fields, passes, n, 3, lambda row, i: colour[i].step(classes[row]))
     rest = harmonics_of(sections["Harmonic"], degree, classes) if degree else []
     log_scales = [[(x - (size * 363409 >> 8)) * 2.0**-12 for x in scale] for size, scale in zip(z, scales, strict=True)]
     return {
-        "position": np.array(places, float).reshape(n, 3) * 2.0**-16,
+        "position": np.array(positions_of(sections["Position"], passes, classes, z, axes, starts)).reshape(n, 3),
         "log_scale": np.array(log_scales).reshape(n, 3),
-        "quaternion": np.array([quaternion_of(one) for one in turns]).reshape(n, 4),
+        "quaternion": np.array(rotations_of(sections["Rotation"], passes, classes, axes)).reshape(n, 4),
         "opacity_logit": np.array(logits).reshape(n),
-        "sh_dc": np.array([rgb_of(*one) for one in colours]).reshape(n, 3),
+        "sh_dc": np.array([rgb_of(*(one * 2.0**-14 for one in row)) for row in yuv]).reshape(n, 3),
         "sh_rest": np.array(rest).reshape(n, (degree + 1) ** 2 - 1, 3),
+        "binding": np.array(binding, int),
     }
 
 
 def reference_decode(data: bytes, vertices: np.ndarray, faces: np.ndarray) -> dict[str, dict[str, np.ndarray]]:
     """Give the arrays of Gaussians and motion; `vertices` and `faces` are the unposed head's."""
     sections = sections_of(data)
-    fields = Fields(sections["Header"])
-    _, _, degree, flags, _, _, f, t, e, s, o = fields.read("BhBB7I")
-    order, size = triangles_of(vertices, faces) if flags & 2 else (list(range(f)), [0] * f)
-    coded = AdaptiveIntegers(sections["Counts"][1:], 1)
-    counts = coded.run([0] * f)
-    coded.end()
-    if sections["Counts"][0]:
-        counts = [counts[face] for face in order]
-    binding = np.repeat(order, counts).tolist()
-    ends = np.cumsum(counts).tolist()
-    passes = passes_of([list(range(end - m, end)) for end, m in zip(ends, counts, strict=True) if m])
-    gaussians = gaussians_of(sections, degree, [size[face] for face in binding], passes)
-    parts = {"gaussians": {name: array.astype(np.float32) for name, array in gaussians.items()}}
-    parts["gaussians"]["binding"] = np.array(binding, np.int32)
-    if flags & 1:
-        motion = motion_of(sections["Static"], sections["Motion"], t, e, s, o)
-        parts["motion"] = {name: array.astype(np.float32) for name, array in motion.items()}
-    return parts
+    profile, _, degree, flags, n, _, f, t, e, s, o = Fields(sections["Header"]).read("BhBB7I")
+    motion = {}
+    if profile == 1:
+        gaussians = archive_gaussians(sections, n, degree, flags)
+        motion = archive_motion(sections, t, e, s, o) if flags & 1 else {}
+    elif profile == 2:
+        gaussians = paper_gaussians(sections, n, degree)
+        motion = paper_motion(sections, t, e, s, o) if flags & 1 else {}
+    else:
+        gaussians = gaussians_of(sections, degree, known_head(vertices, faces) if flags & 2 else unknown_head(f))
+        motion = static_of(sections["Static"], s, o) | dynamic_of(sections["Motion"], t, e) if flags & 1 else {}
+    integers = {"binding": np.int32}
+    parts = {"gaussians": {name: array.astype(integers.get(name, np.float32)) for name, array in gaussians.items()}}
+    return parts | ({"motion": {name: array.astype(np.float32) for name, array in motion.items()}} if motion else {})
