@@ -112,7 +112,7 @@ def hidden_of(data: bytes, passes: list[Pass], n: int) -> list[int]:
     if data[0] == 0:
         assert len(data) == 1
         return [0] * n
-    return [h for (h,) in predicted(Fields(data[1:]), passes, n, 1, lambda row, i: 1)]
+    return [h for (h,) in predicted(Fields(data[1:]), passes, n, 1, lambda _row, _i: 1)]
 
 
 def opacity_of(data: bytes, passes: list[Pass], hidden: list[int], slot: list[int]) -> tuple[list[float], list[int]]:
@@ -146,7 +146,7 @@ def scales_of(data: bytes, passes: list[Pass], classes: list[Classes]) -> list[t
         rule = Rule(fields)
         part = Fields(fields.take(*fields.read("I")))
         steps = [rule.step(one) for one in classes]
-        parts.append(predicted(part, passes, len(classes), 1, lambda row, i, steps=steps: steps[row]))
+        parts.append(predicted(part, passes, len(classes), 1, lambda row, _, steps=steps: steps[row]))
     return [(a, a - b, a - b - c) for (a,), (b,), (c,) in zip(*parts, strict=True)]
 
 
@@ -266,7 +266,7 @@ def positions_of(
     exponents = [
         rule.base + rule.shift(one) - (0 if domain else 4 * size) for one, size in zip(classes, z, strict=True)
     ]
-    values = predicted(fields, passes, len(classes), 3, lambda row, i: STEP[min(max(exponents[row], 0), 223)])
+    values = predicted(fields, passes, len(classes), 3, lambda row, _: STEP[min(max(exponents[row], 0), 223)])
     if not domain:
         return [[value * 2.0**-16 for value in row] for row in values]
     found = []

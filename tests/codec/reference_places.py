@@ -1,4 +1,4 @@
-"""Where Gaussians may lie and in which passes they are decoded, in plain Python, written from FORMAT.md alone: "Places", "Order of Gaussians"."""
+"""Where Gaussians may lie and in which passes they are decoded, in plain Python, written from FORMAT.md alone."""
 
 from __future__ import annotations
 

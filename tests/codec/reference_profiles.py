@@ -178,7 +178,8 @@ def archive_gaussians(sections: dict[str, bytes], n: int, degree: int, flags: in
         found[name] = array[:, 0] if array.shape[1] == 1 else array
     fields, parts = Fields(sections.get("Harmonic", b"")), [np.zeros((n, 0, 3), np.float32)]
     for d in range(1, degree + 1):
-        parts.append(exact_array(fields.take(*fields.read("I")), n, 3 * (2 * d + 1)).reshape(n, 2 * d + 1, 3)[back])
+        band = exact_array(fields.take(*fields.read("I")), n, 3 * (2 * d + 1))
+        parts += [band.reshape(n, 2 * d + 1, 3)[back]]
     return found | {"sh_rest": np.concatenate(parts, axis=1), "binding": binding}
 
 
@@ -262,8 +263,8 @@ def paper_gaussians(sections: dict[str, bytes], n: int, degree: int) -> dict[str
     widths = {"Colour": 3, "Harmonic": 3 * k, "Opacity": 1, "Scale": 3, "Rotation": 4}
     rows = [list(point) for point in paper_points(Tokens(fields.take(), 288), n)]
     for name, width in widths.items():
-        for row, more in zip(rows, paper_columns(sections[name], n, width) if width else [[]] * n, strict=True):
-            row += more
+        more = paper_columns(sections[name], n, width) if width else [[]] * n
+        rows = [row + columns for row, columns in zip(rows, more, strict=True)]
     rows.sort()
     found: dict[str, list] = {name: [] for name in ("position", *widths)}
     for row in rows:
