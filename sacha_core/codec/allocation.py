@@ -23,7 +23,7 @@ def hidden_classes(cost: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
     """Choose classes so that Gaussians cost alike, with as many octaves finer as coarser in the mean.
 
     Args:
-        cost: of errors of a step by the rules in all numbers of each Gaussian.
+        cost: of an error of a step by the rules, over the numbers of each Gaussian.
     """
     octaves = -np.log2(np.maximum(cost, LEAST)) / 2
 

@@ -1,6 +1,6 @@
 r"""Section `Opacity`: uniform steps in $\theta = \arcsin\sqrt{\alpha}$, in which an error shows equally at every opacity.
 
-Gaussians of a triangle are sorted by falling opacity, so that a mate is coded as how far it falls below the one before.
+Gaussians of a triangle are sorted by falling opacity, so that a mate can be coded as how far it falls below the one before.
 
 Source: own.
 """
@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.codec.order import KINDS, MATES, Layout, Pass, weighted_mean
+from sacha_core.codec.predicted import decode_predicted, encode_predicted
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import MAX_EXPONENT, STEPS
 from sacha_core.codec.symbols import SymbolReader, SymbolWriter
@@ -23,6 +24,7 @@ from sacha_core.codec.symbols import SymbolReader, SymbolWriter
 __all__ = ["MAX_STEPS", "OpacityTable", "decode_opacity", "encode_opacity", "opacity_index", "opacity_table"]
 
 MAX_STEPS = 1024
+FALLS, MIXED = 0, 1
 SPACINGS = 4
 OCTAVES = np.array([2, 4, 8], np.int64)
 CLASSES = 16  # contexts by the opacity that a Gaussian is predicted from
@@ -113,9 +115,24 @@ def run_starts(step: Pass) -> Int[np.ndarray, " p"]:
 def encode_opacity(
     layout: Layout, index: Int[np.ndarray, " n"], n_steps: int, hidden: Int[np.ndarray, " n"], hidden_weight: int = 0
 ) -> tuple[bytes, Int[np.ndarray, " n"]]:
-    """Code opacity indices, which fall inside each triangle; give the section and the indices as decoded."""
-    start = int(np.median(index[layout.firsts])) if len(index) else 0
+    """Code opacity indices, which may fall inside each triangle; give the section and the indices as decoded.
+
+    As falls, or as any other attribute: whichever is shorter.
+    """
+    head = struct.pack("<HB", n_steps, hidden_weight)
     spacing = spacing_of(hidden, hidden_weight, n_steps)
+    falls, decoded = encode_falls(layout, index, n_steps, spacing)
+    mixed, values = encode_predicted(layout, index[:, None], spacing[:, None])
+    if len(mixed) < len(falls):
+        return head + bytes([MIXED]) + mixed, np.clip(values[:, 0], 0, n_steps)
+    return head + bytes([FALLS]) + falls, decoded
+
+
+def encode_falls(
+    layout: Layout, index: Int[np.ndarray, " n"], n_steps: int, spacing: Int[np.ndarray, " n"]
+) -> tuple[bytes, Int[np.ndarray, " n"]]:
+    """Code opacity indices by how far they fall inside each triangle."""
+    start = int(np.median(index[layout.firsts])) if len(index) else 0
     writer = SymbolWriter(KINDS * SPACINGS * CLASSES)
     decoded = np.zeros_like(index)
     for step in layout.passes:
@@ -130,7 +147,7 @@ def encode_opacity(
             decoded[rows] = before + levels[mine] * spacing[rows]
         falls = -levels if step.kind == MATES else levels
         writer.write(falls, contexts_of(step, expected, spacing[step.rows], n_steps))
-    return struct.pack("<HHB", n_steps, start, hidden_weight) + writer.finish(), decoded
+    return struct.pack("<H", start) + writer.finish(), decoded
 
 
 def nearest_level(
@@ -149,11 +166,27 @@ def decode_opacity(
     Raises:
         FormatError: an index lies outside the table.
     """
-    n_steps, start, hidden_weight = reader.unpack("HHB")
-    if not (1 <= n_steps <= MAX_STEPS and start <= n_steps):
-        raise reader.error(f"{n_steps} opacity steps, the middle one {start}; expected 1 to {MAX_STEPS}")
-    index = np.zeros(len(layout), np.int64)
+    n_steps, hidden_weight, kind = reader.unpack("HBB")
+    if not 1 <= n_steps <= MAX_STEPS:
+        raise reader.error(f"{n_steps} opacity steps, expected 1 to {MAX_STEPS}")
+    if kind not in (FALLS, MIXED):
+        raise reader.error(f"opacities of kind {kind}, expected {FALLS} (falls) or {MIXED} (mixture)")
     spacing = spacing_of(hidden, hidden_weight, n_steps)
+    if kind == MIXED:
+        index = np.clip(decode_predicted(reader, layout, spacing[:, None], 1)[:, 0], 0, n_steps)
+    else:
+        index = decode_falls(reader, layout, n_steps, spacing)
+    return index, opacity_table(n_steps)
+
+
+def decode_falls(
+    reader: ByteReader, layout: Layout, n_steps: int, spacing: Int[np.ndarray, " n"]
+) -> Int[np.ndarray, " n"]:
+    """Read what `encode_falls` wrote."""
+    (start,) = reader.unpack("H")
+    if start > n_steps:
+        raise reader.error(f"opacity starts from {start} of {n_steps} steps")
+    index = np.zeros(len(layout.slots), np.int64)
     symbols = SymbolReader(reader, KINDS * SPACINGS * CLASSES)
     for step in layout.passes:
         wide = spacing[step.rows]
@@ -168,4 +201,4 @@ def decode_opacity(
         if index[step.rows].min() < 0 or index[step.rows].max() > n_steps:
             raise reader.error(f"an opacity index outside 0 to {n_steps}")
     symbols.check_end()
-    return index, opacity_table(n_steps)
+    return index

@@ -32,7 +32,8 @@ from sacha_core.codec.turning import UNIT as ROTATION_UNIT
 
 __all__ = ["Plan", "Prepared", "plan_by_rules", "plan_by_worth"]
 
-WORTH_RANGE = 8.0  # weights of the chooser stay within this factor of 1
+SLOPE = 2 * np.log(2) / 12  # squared steps that a bit is worth, at a high rate
+WORTH_RANGE = 4.0  # weights of the chooser stay within this factor of 1
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,7 @@ class Plan:
         opacity_weight: of hidden classes in the spacing of opacities.
         scale, rotation, position, colour, harmonic: step rules.
         worth: of the errors and bits of each of these.
+        price: squared picture error that a bit is worth; None where nothing was measured.
     """
 
     hidden: Int[np.ndarray, " n"]
@@ -81,6 +83,7 @@ class Plan:
     colour: tuple[StepRule, ...]
     harmonic: tuple[StepRule, ...]
     worth: dict[str, Worth]
+    price: float | None = None
 
 
 def plan_by_rules(prepared: Prepared, level: Level) -> Plan:
@@ -107,14 +110,17 @@ def plan_by_rules(prepared: Prepared, level: Level) -> Plan:
 def plan_by_worth(prepared: Prepared, level: Level, importance: GaussianImportance, plain: Plan) -> Plan:
     """Add to a plan by rules how hidden each Gaussian is, and what every number is worth."""
     costs = costs_of(prepared, level, importance, plain)
-    total = np.sum([cost.sum(axis=1) for cost in costs.values()], axis=0)
-    hidden = hidden_classes(total)
+    roots = np.sqrt(
+        np.concatenate(list(costs.values()), axis=1)
+    )  # means of roots: one number that costs much is not all
+    hidden = hidden_classes(np.square(roots.mean(axis=1)))
 
     def spread(rule: StepRule) -> StepRule:
         return replace(rule, base=rule.base - FINER * PER_OCTAVE, hidden=PER_OCTAVE)
 
-    mean = total.sum() / sum(cost.size for cost in costs.values())
-    step = 4.0 ** (hidden - FINER)[:, None] / max(mean, 1e-30)
+    steps = 2.0 ** (hidden - FINER)[:, None]
+    price = SLOPE * max(float(np.square((roots * steps).mean())), 1e-30)
+    step = steps**2 * (SLOPE / price)
 
     def worth(name: str) -> Worth:
         return Worth(level.lagrangian, np.clip(costs[name] * step, 1 / WORTH_RANGE, WORTH_RANGE))
@@ -129,6 +135,7 @@ def plan_by_worth(prepared: Prepared, level: Level, importance: GaussianImportan
         position=spread(plain.position),
         colour=tuple(spread(rule) for rule in plain.colour),
         worth={name: worth(name) for name in plain.worth},
+        price=price,
     )
 
 

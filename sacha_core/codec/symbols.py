@@ -93,7 +93,10 @@ class SymbolWriter:
 
     def level_bits(self) -> LevelBits:
         """Give what levels would cost in the tables of this stream."""
-        table_of, grouped = group_contexts(self._collected()[2])
+        counts = self._collected()[2]
+        if not counts.any():
+            return LevelBits(np.zeros(counts.shape))
+        table_of, grouped = group_contexts(counts)
         return LevelBits.of_counts(grouped)[table_of]
 
     def finish(self) -> bytes:
