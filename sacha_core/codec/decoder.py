@@ -159,10 +159,10 @@ def decode_gaussians(sections: dict[str, Section], header: Header, template: Tem
     known = known_classes(table.transparency[index], hidden)
     log_scale, scale = decode_scale(need(sections, "Scale").reader(), layout, known)
     classes = classes_of(known, scale)
-    n, k = header.n_gaussians, header.n_harmonics
-    sh_rest = np.zeros((n, 0, 3), np.float32)
+    k = header.n_harmonics
+    sh_rest = np.zeros((header.n_gaussians, 0, 3), np.float32)
     if k:
-        sh_rest = decode_harmonics(need(sections, "Harmonic").reader(), n, k, classes)
+        sh_rest = decode_harmonics(need(sections, "Harmonic").reader(), layout, k, classes)
     return Gaussians(
         position=decode_position(need(sections, "Position").reader(), layout, classes),
         log_scale=log_scale,

@@ -18,7 +18,8 @@ from sacha_core.codec.colour import encode_colour
 from sacha_core.codec.container import Section, pack_sections
 from sacha_core.codec.counts import encode_layout
 from sacha_core.codec.displacement import displacement_products
-from sacha_core.codec.harmonics import encode_harmonics
+from sacha_core.codec.harmonic_encoder import encode_harmonics
+from sacha_core.codec.harmonic_metric import metric_of
 from sacha_core.codec.head import encode_head
 from sacha_core.codec.header import Header
 from sacha_core.codec.hidden import encode_hidden
@@ -115,7 +116,7 @@ def encode_traced(
     gaussians = gaussians.select(keep)
     importance = None if importance is None else importance.select(keep)
     template = template_of(head.v_template, head.faces) if head else unknown_template(avatar.head.n_faces)
-    sections, order = encode_gaussians(gaussians, template, chosen, importance)
+    sections, order = encode_gaussians(gaussians, template, chosen, importance, head)
     made = (chosen.number, len(gaussians), gaussians.sh_degree, avatar.head, avatar.scheme)
     header = Header(*made, needs_head=head is not None)
     if avatar.motion is not None:
@@ -160,7 +161,11 @@ def check_range(gaussians: Gaussians, keep: Bool[np.ndarray, " n"]) -> None:
 
 
 def encode_gaussians(
-    gaussians: Gaussians, template: Template, level: Level, importance: GaussianImportance | None = None
+    gaussians: Gaussians,
+    template: Template,
+    level: Level,
+    importance: GaussianImportance | None = None,
+    head: HeadModel | None = None,
 ) -> tuple[list[Section], Int[np.ndarray, " n"]]:
     """Code all attributes, each after those that its steps follow; give the sections, and the row of each Gaussian in coding order."""
     index = opacity_index(gaussians.opacity_logit, level.opacity_steps)
@@ -178,10 +183,12 @@ def encode_gaussians(
     plan = plan_by_rules(prepared, level)
     if importance is not None and len(index):
         plan = plan_by_worth(prepared, level, importance, plan)
-    return [Section("Counts", encode_layout(numbers, template, by_vertex)), *encode_planned(prepared, plan)], order
+    return [Section("Counts", encode_layout(numbers, template, by_vertex)), *encode_planned(prepared, plan, head, importance)], order
 
 
-def encode_planned(prepared: Prepared, plan: Plan) -> list[Section]:
+def encode_planned(
+    prepared: Prepared, plan: Plan, head: HeadModel | None = None, importance: GaussianImportance | None = None
+) -> list[Section]:
     """Code all attributes as planned."""
     layout, gaussians, worth = prepared.layout, prepared.gaussians, plan.worth
     opacity, index = encode_opacity(
@@ -196,18 +203,20 @@ def encode_planned(prepared: Prepared, plan: Plan) -> list[Section]:
     classes = classes_of(known, scale_values)
     rotation = encode_rotation(layout, prepared.quaternion, classes, plan.rotation, worth["rotation"])
     position = encode_position(layout, gaussians.position, classes, plan.position, worth["position"])
-    sections = [
+    harmonic, sh_dc = [], gaussians.sh_dc
+    if gaussians.sh_degree:
+        metric = metric_of(gaussians, head, importance, plan.harmonic, classes)
+        coded, sh_rest = encode_harmonics(layout, gaussians.sh_rest, classes, plan.harmonic, metric)
+        harmonic, sh_dc = [Section("Harmonic", coded)], metric.folded(gaussians.sh_dc, gaussians.sh_rest - sh_rest)
+    return [
         Section("Hidden", encode_hidden(layout, plan.hidden)),
         Section("Opacity", opacity),
         Section("Scale", scale),
         Section("Rotation", rotation[0]),
         Section("Position", position[0]),
-        Section("Colour", encode_colour(layout, gaussians.sh_dc, classes, plan.colour, worth["colour"])[0]),
+        Section("Colour", encode_colour(layout, sh_dc, classes, plan.colour, worth["colour"])[0]),
+        *harmonic,
     ]
-    if gaussians.sh_degree:
-        coded = encode_harmonics(gaussians.sh_rest, classes, plan.harmonic, rules.HARMONIC_DEAD_ZONE)[0]
-        sections.append(Section("Harmonic", coded))
-    return sections
 
 
 def places_of(binding: Int[np.ndarray, " n"], template: Template) -> tuple[Int[np.ndarray, " n"], bool]:

@@ -1,97 +1,170 @@
-"""Section `Harmonic`: spherical-harmonics coefficients of degree 1 and up, most of which are zero after quantisation.
+r"""Section `Harmonic`: spherical-harmonics coefficients of degree 1 and up, in few components that pictures can tell apart.
 
-They are coded degree by degree, each coefficient under a context of how much its Gaussian spent on the degrees before.
+A capture sees a head from the front, and there most combinations of coefficients look alike. So the encoder sends a basis: one of colours
+(three axes) and one of coefficients, in whose components errors show as much as they are large and values are few; what it is made for
+is the encoder's business (`harmonic_basis`). Components are predicted from neighbours and mates, as all attributes are, and quantised by
+one rule with an exponent of its own for each function of the basis.
 
-Source: own.
+Source: own; Karhunen and Loeve's transform under the metric of the pictures' error.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 from jaxtyping import Float, Int
 
-from sacha_core.codec.colour import UNIT, Rules, rgb_to_yuv, yuv_to_rgb
-from sacha_core.codec.prediction import LIMIT
+from sacha_core.codec.harmonic_contexts import N_CONTEXTS, Activity, ActivityPlan
+from sacha_core.codec.order import MATES, Layout, Pass, weighted_mean
 from sacha_core.codec.reading import ByteReader
-from sacha_core.codec.steps import Classes, StepRule, quantise
-from sacha_core.codec.symbols import SymbolReader, SymbolWriter
+from sacha_core.codec.steps import MAX_EXPONENT, STEPS, Classes, StepRule
+from sacha_core.codec.symbols import SymbolReader
 
-__all__ = ["decode_harmonics", "encode_harmonics"]
+__all__ = ["BASIS_ONE", "LIMIT", "UNIT", "Neighbourhood", "Transform", "decode_harmonics"]
 
-BANDS = ((0, 3), (3, 8), (8, 15))  # coefficients of degree 1, 2, 3
-CHANNELS = 2  # luma; the two differences together
-ACTIVITY = 4
-SPREAD = 6  # classes of the step
-
-
-def n_bands(n_harmonics: int) -> int:
-    """How many degrees above 0 there are."""
-    return sum(1 for _, end in BANDS if end <= n_harmonics)
-
-
-def band_steps(rules: Rules, band: int, classes: Classes) -> Int[np.ndarray, "n 1 3"]:
-    """Steps of one degree: rules are luma by degree, then the differences by degree."""
-    luma, differences = rules[band].steps(classes), rules[len(rules) // 2 + band].steps(classes)
-    return np.stack([luma, differences, differences], axis=1)[:, None]
+UNIT = 2.0**-14  # of a component
+BASIS_ONE = 128  # a one in the bases
+RESULT_UNIT = UNIT / BASIS_ONE**2
+LIMIT = 1 << 32  # of a component, in `UNIT`: sums of 45 products stay exact in float64
+AXES = 3
+GROUPS = 2  # firsts, mates
+TERMS = 2  # neighbours, mates
+WEIGHT_BITS = 6
 
 
-def activity_of(spent: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
-    """Class 0 to 3 of the sum of magnitudes in the degrees before."""
-    return np.minimum(np.frexp(spent.astype(np.float64))[1], ACTIVITY - 1).astype(np.int64)
+@dataclass(frozen=True)
+class Transform:
+    """What components mean and how coarse they are.
+
+    Args:
+        rule: exponent of the step of each Gaussian.
+        counts: for each axis of colours how many functions it uses.
+        axes: (3, 3) red, green and blue of each axis of colours, in 128ths.
+        basis: (f, k) coefficients of each function, in 128ths; f is the largest of `counts`.
+        exponents: (f,) added to the rule's for each function.
+    """
+
+    rule: StepRule
+    counts: tuple[int, ...]
+    axes: Int[np.ndarray, "3 3"]
+    basis: Int[np.ndarray, "f k"]
+    exponents: Int[np.ndarray, " f"]
+
+    @cached_property
+    def components(self) -> tuple[tuple[int, int], ...]:
+        """Function and axis of each component, in coding order."""
+        return tuple((f, a) for f in range(len(self.basis)) for a in range(AXES) if f < self.counts[a])
+
+    @cached_property
+    def functions(self) -> Int[np.ndarray, " c"]:
+        """Function of each component."""
+        return np.array([f for f, _ in self.components], np.int64)
+
+    @cached_property
+    def axis(self) -> Int[np.ndarray, " c"]:
+        """Axis of colours of each component."""
+        return np.array([a for _, a in self.components], np.int64)
+
+    def steps(self, classes: Classes) -> Int[np.ndarray, "n c"]:
+        """Step of every component of every Gaussian."""
+        exponents = self.rule.base + self.rule.shift(classes)
+        return np.asarray(STEPS[exponents[:, None] + self.exponents[self.functions]])
+
+    def activity(self, plan: ActivityPlan, classes: Classes) -> Activity:
+        """Contexts of the levels, before the first pass."""
+        return Activity(plan, self.functions, self.axis, self.rule, classes)
+
+    def coefficients(self, values: Int[np.ndarray, "n c"]) -> Float[np.ndarray, "n k 3"]:
+        """Give float32 coefficients of components. Sums of integers below 2^53: exact in float64, in whatever order they are summed."""
+        rows = self.basis[self.functions][:, :, None] * self.axes[self.axis][:, None, :]
+        sums = values.astype(np.float64) @ rows.reshape(len(rows), self.basis.shape[1] * AXES).astype(np.float64)
+        rest: Float[np.ndarray, "n k3"] = (sums * RESULT_UNIT).astype(np.float32)
+        return rest.reshape(len(values), self.basis.shape[1], AXES)
+
+    def pack(self) -> bytes:
+        """Write everything."""
+        numbers = np.concatenate([self.axes.ravel(), self.basis.ravel(), self.exponents])
+        return self.rule.pack() + bytes(self.counts) + numbers.astype(np.int8).tobytes()
+
+    @classmethod
+    def unpack(cls, reader: ByteReader, n_harmonics: int) -> Transform:
+        """Read what `pack` wrote.
+
+        Raises:
+            FormatError: there are more functions than coefficients, or steps leave their table.
+        """
+        rule = StepRule.unpack(reader)
+        counts = reader.unpack(f"{AXES}B")
+        if max(counts) > n_harmonics:
+            raise reader.error(f"{max(counts)} functions make {n_harmonics} coefficients")
+        axes = signed(reader, AXES * AXES).reshape(AXES, AXES)
+        basis = signed(reader, max(counts) * n_harmonics).reshape(max(counts), n_harmonics)
+        exponents = signed(reader, max(counts))
+        least, most = exponents.min(initial=0) + rule.base + rule.low, exponents.max(initial=0) + rule.base + rule.high
+        if least < 0 or most > MAX_EXPONENT:
+            raise reader.error(f"steps reach from {least} to {most}, table is 0 to {MAX_EXPONENT}")
+        return cls(rule, counts, axes, basis, exponents)
 
 
-def band_contexts(
-    band: int, step_class: Int[np.ndarray, " n"], spent: Int[np.ndarray, "n 2"], width: int
-) -> Int[np.ndarray, "n k 3"]:
-    """Context of every coefficient of one degree: degree, channel, step, activity of the channel."""
-    step = np.minimum(step_class, SPREAD - 1)
-    luma = ((band * CHANNELS + 0) * SPREAD + step) * ACTIVITY + activity_of(spent[:, 0])
-    differences = ((band * CHANNELS + 1) * SPREAD + step) * ACTIVITY + activity_of(spent[:, 1])
-    return np.repeat(np.stack([luma, differences, differences], axis=1)[:, None], width, axis=1)
+def signed(reader: ByteReader, count: int) -> Int[np.ndarray, " m"]:
+    """Read so many signed bytes."""
+    return np.frombuffer(reader.take(count), np.int8).astype(np.int64)
 
 
-def spend(spent: Int[np.ndarray, "n 2"], levels: Int[np.ndarray, "n k 3"]) -> Int[np.ndarray, "n 2"]:
-    """Add the magnitudes of a degree to what luma and differences have spent."""
-    magnitude = np.abs(levels).sum(axis=1)
-    return np.asarray(spent + np.stack([magnitude[:, 0], magnitude[:, 1] + magnitude[:, 2]], axis=1))
+@dataclass(frozen=True)
+class Neighbourhood:
+    """How far neighbours and mates are followed.
+
+    Args:
+        weights: (GROUPS, TERMS, c) of their means, in 64ths.
+    """
+
+    weights: Int[np.ndarray, "g t c"]
+
+    def predict(self, step: Pass, values: Int[np.ndarray, "n c"]) -> Int[np.ndarray, "p c"]:
+        """Expected components of a pass, from those known before it."""
+        near, mates = self.weights[int(step.kind == MATES)]
+        total = weighted_mean(values, step.near, step.trust) * near
+        if mates.any() and step.mate_trust.any():
+            total = total + weighted_mean(values, step.mates, step.mate_trust) * mates
+        return np.asarray((total + (1 << (WEIGHT_BITS - 1))) >> WEIGHT_BITS)
+
+    def pack(self) -> bytes:
+        """Write the weights."""
+        return self.weights.astype(np.int8).tobytes()
+
+    @classmethod
+    def unpack(cls, reader: ByteReader, n_components: int) -> Neighbourhood:
+        """Read what `pack` wrote."""
+        return cls(signed(reader, GROUPS * TERMS * n_components).reshape(GROUPS, TERMS, n_components))
 
 
-def encode_harmonics(
-    sh_rest: Float[np.ndarray, "n k 3"], classes: Classes, rules: Rules, dead_zone: float
-) -> tuple[bytes, Int[np.ndarray, "n k 3"]]:
-    """Code coefficients; give the section and the decoder's integers."""
-    n, n_harmonics, _ = sh_rest.shape
-    values = np.rint(rgb_to_yuv(sh_rest) / UNIT).astype(np.int64)
-    decoded = np.zeros_like(values)
-    bands = n_bands(n_harmonics)
-    used = (*rules[:bands], *rules[len(rules) // 2 : len(rules) // 2 + bands])
-    writer = SymbolWriter(len(BANDS) * CHANNELS * SPREAD * ACTIVITY)
-    spent = np.zeros((n, 2), np.int64)
-    for band, (start, end) in enumerate(BANDS[:bands]):
-        steps = band_steps(used, band, classes)
-        levels = quantise(values[:, start:end], steps, dead_zone)
-        writer.write(levels, band_contexts(band, used[band].step_class(classes), spent, end - start))
-        decoded[:, start:end] = levels * steps
-        spent = spend(spent, levels)
-    return b"".join(rule.pack() for rule in used) + writer.finish(), decoded
-
-
-def decode_harmonics(reader: ByteReader, n: int, n_harmonics: int, classes: Classes) -> Float[np.ndarray, "n k 3"]:
+def decode_harmonics(
+    reader: ByteReader, layout: Layout, n_harmonics: int, classes: Classes
+) -> Float[np.ndarray, "n k 3"]:
     """Read coefficients.
 
     Raises:
         FormatError: the bytes are not what an encoder writes.
     """
-    bands = n_bands(n_harmonics)
-    rules = tuple(StepRule.unpack(reader) for _ in range(2 * bands))
-    symbols = SymbolReader(reader, len(BANDS) * CHANNELS * SPREAD * ACTIVITY)
-    decoded = np.zeros((n, n_harmonics, 3), np.int64)
-    spent = np.zeros((n, 2), np.int64)
-    for band, (start, end) in enumerate(BANDS[:bands]):
-        levels = symbols.read(band_contexts(band, rules[band].step_class(classes), spent, end - start))
-        decoded[:, start:end] = levels * band_steps(rules, band, classes)
-        spent = spend(spent, levels)
+    transform = Transform.unpack(reader, n_harmonics)
+    n_components = len(transform.components)
+    neighbourhood = Neighbourhood.unpack(reader, n_components)
+    activity = transform.activity(ActivityPlan.unpack(reader, n_components), classes)
+    steps = transform.steps(classes)
+    symbols = SymbolReader(reader, N_CONTEXTS)
+    values = np.zeros(steps.shape, np.int64)
+    for step in layout.passes:
+        activity.enter(step)
+        levels = np.empty((len(step.rows), n_components), np.int64)
+        for component in range(n_components):
+            levels[:, component] = symbols.read(activity.contexts(component))
+            activity.learn(component, levels[:, component])
+        found = neighbourhood.predict(step, values) + levels * steps[step.rows]
+        if np.abs(found).max(initial=0) > LIMIT:
+            raise reader.error(f"a component is beyond +-{LIMIT} units")
+        values[step.rows] = found
     symbols.check_end()
-    if np.abs(decoded).max(initial=0) > LIMIT:
-        raise reader.error(f"a coefficient is beyond +-{LIMIT} units")
-    return yuv_to_rgb(decoded)
+    return transform.coefficients(values)

@@ -81,7 +81,7 @@ class Plan:
     rotation: tuple[StepRule, ...]
     position: StepRule
     colour: tuple[StepRule, ...]
-    harmonic: tuple[StepRule, ...]
+    harmonic: StepRule
     worth: dict[str, Worth]
     price: float | None = None
 
@@ -102,7 +102,7 @@ def plan_by_rules(prepared: Prepared, level: Level) -> Plan:
         rotation=tuple(at(rule, "rotation") for rule in rules.ROTATION_RULES),
         position=at(rules.POSITION_RULE, "position"),
         colour=tuple(at(rule, "colour") for rule in rules.COLOUR_RULES),
-        harmonic=tuple(at(rule, "harmonic") for rule in rules.HARMONIC_RULES),
+        harmonic=at(rules.HARMONIC_RULE, "harmonic"),
         worth=dict.fromkeys(("scale", "rotation", "position", "colour"), Worth(level.lagrangian)),
     )
 
@@ -134,6 +134,7 @@ def plan_by_worth(prepared: Prepared, level: Level, importance: GaussianImportan
         rotation=tuple(spread(rule) for rule in plain.rotation),
         position=spread(plain.position),
         colour=tuple(spread(rule) for rule in plain.colour),
+        harmonic=spread(plain.harmonic),
         worth={name: worth(name) for name in plain.worth},
         price=price,
     )

@@ -15,9 +15,8 @@ from synthetic_avatars import small_head
 from sacha_core.codec.colour import decode_colour, encode_colour, yuv_to_rgb
 from sacha_core.codec.counts import decode_layout, encode_layout
 from sacha_core.codec.frames import quaternions_of, rest_frames
-from sacha_core.codec.harmonics import decode_harmonics, encode_harmonics
 from sacha_core.codec.hidden import decode_hidden, encode_hidden
-from sacha_core.codec.levels import COLOUR_RULES, HARMONIC_RULES, POSITION_RULE, ROTATION_RULES, SCALE_RULES
+from sacha_core.codec.levels import COLOUR_RULES, POSITION_RULE, ROTATION_RULES, SCALE_RULES
 from sacha_core.codec.opacity import decode_opacity, encode_opacity, opacity_index, opacity_table
 from sacha_core.codec.order import Layout, layout_by_triangle, layout_by_vertex
 from sacha_core.codec.position import (
@@ -288,15 +287,6 @@ def test_colour(counts, seed):
     classes = classes_for(sum(counts), seed)
     data, expected = encode_colour(layout, sh_dc, classes, COLOUR_RULES)
     assert np.array_equal(decode_colour(reader(data), layout, classes), yuv_to_rgb(expected))
-
-
-@pytest.mark.parametrize("n_harmonics", [3, 8, 15])
-@pytest.mark.parametrize("n", [0, 1, 50])
-def test_harmonics(n, n_harmonics):
-    sh_rest = np.random.default_rng(n).laplace(0, 0.1, (n, n_harmonics, 3)).astype(np.float32)
-    classes = classes_for(n)
-    data, expected = encode_harmonics(sh_rest, classes, HARMONIC_RULES, 0.18)
-    assert np.array_equal(decode_harmonics(reader(data), n, n_harmonics, classes), yuv_to_rgb(expected))
 
 
 @given(st.integers(0, 40), st.integers(0, 30), st.integers(0, 50))
