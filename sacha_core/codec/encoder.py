@@ -12,7 +12,6 @@ from jaxtyping import Bool, Float, Int
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
-from sacha_core.codec import levels as rules
 from sacha_core.codec.anchors import match_vertices
 from sacha_core.codec.colour import encode_colour
 from sacha_core.codec.container import Section, pack_sections
@@ -183,7 +182,10 @@ def encode_gaussians(
     plan = plan_by_rules(prepared, level)
     if importance is not None and len(index):
         plan = plan_by_worth(prepared, level, importance, plan)
-    return [Section("Counts", encode_layout(numbers, template, by_vertex)), *encode_planned(prepared, plan, head, importance)], order
+    return [
+        Section("Counts", encode_layout(numbers, template, by_vertex)),
+        *encode_planned(prepared, plan, head, importance),
+    ], order
 
 
 def encode_planned(
