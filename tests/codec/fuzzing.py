@@ -11,6 +11,7 @@ import random
 import struct
 import sys
 import time
+import zlib
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -20,13 +21,17 @@ from pathlib import Path
 import numpy as np
 from synthetic_avatars import random_avatar, smooth_avatar, tiny_head, vertex_avatar
 
-from sacha_core.codec import decode, embedded_head, encode, encode_archive, encode_paper, inspect
+from sacha_core.codec import Decoder, Encoder, decode, embedded_head, encode, encode_archive, encode_paper, inspect
 from sacha_core.codec.container import Section, pack_sections, parse_sections
+from sacha_core.codec.packet import AVATAR, HEAD_BYTES
 from sacha_core.errors import FormatError, HeadError, OptionError
 
 FOUND = Path(__file__).parent / "found"
+PACKETS = b"packets\0"  # begins an input of packets, each behind its length
 SECONDS = 1.0  # of processor time an input may take
-MEMORY = 64 << 20  # bytes a file of a few KB may take: the free budgets of the format and what reading them needs
+MEMORY = (
+    48 << 20
+)  # bytes that a process may grow by: 16 MiB for a small file, as much for a head inside, and what the platform rounds up to
 EXTREMES = (0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0x8000, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFE, 0xFFFFFFFF)
 N_COUNTS, FIRST_COUNT = 7, 5  # in the header
 ALLOWED = (FormatError, HeadError, OptionError)  # the last one where a file needs an external program
@@ -147,6 +152,38 @@ def unsealed(rng: random.Random, files: list[Sections]) -> bytes:
     return changed(rng, pack_sections(rng.choice(files)))
 
 
+@cache
+def packet_seeds() -> list[list[bytes]]:
+    """Give the packets of small streams."""
+    head = tiny_head()
+    avatars = [smooth_avatar(8, head, 5, 0, seed=1), smooth_avatar(6, head, 3, 3, seed=2)]
+    return [list(Encoder(avatar, 2, head=head, group_frames=2).packets()) for avatar in avatars]
+
+
+def packets(rng: random.Random, files: list[Sections]) -> bytes:
+    """Send packets in disorder, some lost, some changed, most checksums right; the avatar among them may be a hostile file."""
+    told = list(rng.choice(packet_seeds()))
+    if rng.random() < 0.3:
+        rng.shuffle(told)
+    if rng.random() < 0.2:
+        told += rng.choice(packet_seeds())
+    sent = []
+    for packet in told:
+        body = packet[4:]
+        if rng.random() < 0.1:
+            continue
+        if packet[5] == AVATAR and rng.random() < 0.3:
+            payload = mutated(rng, files)
+            body = packet[4:HEAD_BYTES][:-4] + struct.pack("<I", len(payload)) + payload
+        elif packet[5] != AVATAR and rng.random() < 0.5:
+            at = rng.choice((0, 0, HEAD_BYTES - 4))
+            body = body[:at] + changed(rng, body[at:])
+        if rng.random() < 0.5 and len(body) >= HEAD_BYTES - 4:
+            body = body[: HEAD_BYTES - 8] + struct.pack("<I", len(body) - HEAD_BYTES + 4) + body[HEAD_BYTES - 4 :]
+        sent.append(struct.pack("<I", zlib.crc32(body) if rng.random() < 0.95 else rng.randrange(1 << 32)) + body)
+    return PACKETS + b"".join(struct.pack("<I", len(packet)) + packet for packet in sent)
+
+
 MAKERS: dict[str, tuple[int, Maker]] = {
     "mutated": (64, mutated),
     "cut": (9, cut),
@@ -154,6 +191,7 @@ MAKERS: dict[str, tuple[int, Maker]] = {
     "noise": (7, noise),
     "exchanged": (6, exchanged),
     "unsealed": (6, unsealed),
+    "packets": (8, packets),
 }
 
 
@@ -167,6 +205,8 @@ def make(seed: int, number: int) -> tuple[str, bytes]:
 def attempt(data: bytes) -> bool:
     """Read a file in every way; raise where it does anything but decode to a valid avatar or be refused. Tell whether it decoded."""
     head = tiny_head()
+    if data.startswith(PACKETS):
+        return received(data[len(PACKETS) :])
     try:
         avatar = decode(data, head=head)
         inspect(data)
@@ -177,6 +217,27 @@ def attempt(data: bytes) -> bool:
     if avatar.motion is not None:
         avatar.motion.validate()
     return True
+
+
+def received(data: bytes) -> bool:
+    """Feed packets to a decoder, which may refuse an avatar for its head, and nothing else. Tell whether frames came."""
+    decoder, at, n_frames = Decoder(tiny_head()), 0, 0
+    while at < len(data):
+        (n_bytes,) = struct.unpack_from("<I", data, at)
+        try:
+            outcomes = decoder.feed(data[at + 4 : at + 4 + n_bytes])
+        except HeadError:
+            outcomes = []
+        for outcome in outcomes:
+            assert (outcome.kind == "frames") == (outcome.frames is not None)
+            assert (outcome.kind == "damaged") <= bool(outcome.problem)
+            if outcome.frames is not None:
+                outcome.frames.validate()
+                n_frames += len(outcome.frames)
+        at += 4 + n_bytes
+    if decoder.avatar is not None:
+        decoder.avatar.gaussians.validate(decoder.avatar.head.n_faces)
+    return n_frames > 0
 
 
 def peak_memory() -> int:
