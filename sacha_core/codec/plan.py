@@ -27,12 +27,15 @@ from sacha_core.codec.position import UNIT as POSITION_UNIT
 from sacha_core.codec.rotation import steps_of as rotation_steps
 from sacha_core.codec.scale import UNIT as SCALE_UNIT
 from sacha_core.codec.scale import classes_of, known_classes, triangle_log_size
-from sacha_core.codec.steps import PER_OCTAVE, Classes, StepRule
+from sacha_core.codec.steps import MAX_EXPONENT, PER_OCTAVE, Classes, StepRule
 from sacha_core.codec.turning import UNIT as ROTATION_UNIT
 
 __all__ = ["Plan", "Prepared", "plan_by_rules", "plan_by_worth"]
 
 SLOPE = 2 * np.log(2) / 12  # squared steps that a bit is worth, at a high rate
+EVENING = 0.5  # how far attributes are evened out
+MOST_SHIFT = 1.5  # octaves
+LEAST = 1e-15
 WORTH_RANGE = 4.0  # weights of the chooser stay within this factor of 1
 
 
@@ -115,10 +118,13 @@ def plan_by_worth(prepared: Prepared, level: Level, importance: GaussianImportan
     )  # means of roots: one number that costs much is not all
     hidden = hidden_classes(np.square(roots.mean(axis=1)))
 
-    def spread(rule: StepRule) -> StepRule:
-        return replace(rule, base=rule.base - FINER * PER_OCTAVE, hidden=PER_OCTAVE)
-
     steps = 2.0 ** (hidden - FINER)[:, None]
+    shifts = even_out({name: np.sqrt(cost) * steps for name, cost in costs.items()})
+
+    def spread(rule: StepRule, name: str, component: int) -> StepRule:
+        base = rule.base - FINER * PER_OCTAVE + shifts[name][component]
+        return replace(rule, base=min(max(base, -rule.low), MAX_EXPONENT - rule.most), hidden=PER_OCTAVE)
+
     price = SLOPE * max(float(np.square((roots * steps).mean())), 1e-30)
     step = steps**2 * (SLOPE / price)
 
@@ -128,16 +134,31 @@ def plan_by_worth(prepared: Prepared, level: Level, importance: GaussianImportan
     return replace(
         plain,
         hidden=hidden,
-        opacity_steps=min(plain.opacity_steps << FINER, MAX_STEPS),
+        opacity_steps=min(round(plain.opacity_steps * 2.0 ** (FINER - shifts["opacity"][0] / PER_OCTAVE)), MAX_STEPS),
         opacity_weight=PER_OCTAVE,
-        scale=tuple(spread(rule) for rule in plain.scale),
-        rotation=tuple(spread(rule) for rule in plain.rotation),
-        position=spread(plain.position),
-        colour=tuple(spread(rule) for rule in plain.colour),
-        harmonic=spread(plain.harmonic),
+        scale=tuple(spread(rule, "scale", axis) for axis, rule in enumerate(plain.scale)),
+        rotation=tuple(spread(rule, "rotation", axis) for axis, rule in enumerate(plain.rotation)),
+        position=spread(plain.position, "position", 0),
+        colour=tuple(spread(rule, "colour", channel) for channel, rule in enumerate(plain.colour)),
+        harmonic=spread(plain.harmonic, "colour", 0),  # whose errors the mean colour takes over
         worth={name: worth(name) for name in plain.worth},
         price=price,
     )
+
+
+def even_out(roots: dict[str, Float[np.ndarray, "n c"]]) -> dict[str, list[int]]:
+    """Give eighths of octaves to add to the steps of each component, so that errors cost more nearly alike.
+
+    Args:
+        roots: of what an error of a step of each component of each Gaussian costs.
+    """
+    octaves = {name: np.log2(np.maximum(root.mean(axis=0), LEAST)) for name, root in roots.items()}
+    octaves["position"][:] = octaves["position"].mean()  # which has one rule
+    middle = np.concatenate(list(octaves.values())).mean()
+    return {
+        name: np.rint(np.clip((middle - found) * EVENING, -MOST_SHIFT, MOST_SHIFT) * PER_OCTAVE).astype(int).tolist()
+        for name, found in octaves.items()
+    }
 
 
 def costs_of(
