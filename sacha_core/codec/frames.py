@@ -13,9 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from sacha_core.codec.template import Template
-
-__all__ = ["RestFrames", "quaternions_of", "rest_frames"]
+__all__ = ["RestFrames", "frames_of", "quaternions_of"]
 
 
 @dataclass(frozen=True)
@@ -33,9 +31,8 @@ class RestFrames:
     sums: Int[np.ndarray, "p 3"]
 
 
-def rest_frames(template: Template, triangles: Int[np.ndarray, " p"]) -> RestFrames:
-    """Give the frames of triangles, as the head counts them."""
-    corners = template.grid[template.faces[triangles]]
+def frames_of(corners: Int[np.ndarray, "p 3 3"]) -> RestFrames:
+    """Give the frames of triangles from their corners on the grid."""
     edge, second = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
     normal = cross(edge, second)  # exact: 2^42 at most
     x, y, z = edge.astype(np.float64)

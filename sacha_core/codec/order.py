@@ -70,7 +70,7 @@ class Layout:
     Args:
         template: what is known of the head.
         binding: (n,) triangle of each Gaussian, as the head counts them.
-        triangle_size: (n,) size class of that triangle, half octaves.
+        triangle_size: (n,) size class of that triangle, eighths of an octave.
         firsts: (m,) row of the first Gaussian at each occupied place.
         slots: (n,) occupied place of each Gaussian, counted from 0.
         ranks: (n,) rank of each Gaussian at its place.

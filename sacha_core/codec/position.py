@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.codec.choice import PLAIN, Worth
-from sacha_core.codec.frames import rest_frames
 from sacha_core.codec.order import Layout
 from sacha_core.codec.predicted import decode_predicted, encode_predicted
 from sacha_core.codec.reading import ByteReader
@@ -30,7 +29,7 @@ def position_steps(layout: Layout, classes: Classes, rule: StepRule, domain: int
     """Steps that are alike in metres."""
     exponent = rule.base + rule.shift(classes)
     if domain == TRIANGLE:
-        exponent = exponent - layout.triangle_size * (PER_OCTAVE // 2)  # sizes are half octaves
+        exponent = exponent - layout.triangle_size
     return np.asarray(STEPS[np.clip(exponent, 0, MAX_EXPONENT)])[:, None]
 
 
@@ -55,7 +54,9 @@ def rule_for_world(layout: Layout, rule: StepRule) -> StepRule:
     """Give the rule that makes the same steps in units of the world, as far as one can."""
     if not len(layout):
         return rule
-    octaves = np.log2(rest_frames(layout.template, layout.binding).scale * (PER_CELL * UNIT)) - layout.triangle_size / 2
+    octaves = (
+        np.log2(layout.template.frames(layout.binding).scale * (PER_CELL * UNIT)) - layout.triangle_size / PER_OCTAVE
+    )
     base = rule.base + round(PER_OCTAVE * float(np.median(octaves)))
     return replace(rule, base=min(max(base, -rule.low, 0), MAX_EXPONENT - max(rule.high, 0)))
 
@@ -69,14 +70,14 @@ def place_offset(layout: Layout, sums: Int[np.ndarray, "n 3"]) -> Float[np.ndarr
 
 def to_world(layout: Layout, position: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n 3"]:
     """Give offsets from the places, in units of the world."""
-    frames = rest_frames(layout.template, layout.binding)
+    frames = layout.template.frames(layout.binding)
     offset = np.einsum("ijn,nj->ni", frames.axes, position.astype(np.float64)) * frames.scale[:, None]
     return np.asarray(np.rint((offset - place_offset(layout, frames.sums)) * PER_CELL).astype(np.int64))
 
 
 def from_world(layout: Layout, values: Int[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """Give positions in the frames of the triangles, float32."""
-    frames = rest_frames(layout.template, layout.binding)
+    frames = layout.template.frames(layout.binding)
     x, y, z = (values / float(PER_CELL) + place_offset(layout, frames.sums)).T
     columns = [((a * x + b * y) + c * z) / frames.scale for a, b, c in frames.axes.swapaxes(0, 1)]
     return np.stack(columns, axis=1).astype(np.float32)

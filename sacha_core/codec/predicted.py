@@ -41,8 +41,9 @@ def encode_predicted(
     Returns:
         The bytes, and the values as the decoder will have them.
     """
-    mixture = fit_mixture(layout, values)
-    coded, known = encode_levels(layout, lambda: Linear(mixture, values), np.broadcast_to(steps, values.shape), worth)
+    steps = np.broadcast_to(steps, values.shape)
+    mixture = fit_mixture(layout, values, steps)
+    coded, known = encode_levels(layout, lambda: Linear(mixture, values), steps, worth)
     return mixture.pack() + coded, known.values
 
 
@@ -78,16 +79,15 @@ def choose_levels(
     for step in layout.passes:
         rows = step.rows
         known.enter(step)
-        residual = known.residual()
         if plan:
             sizes.enter(step)
         for component in range(steps.shape[1]):
             contexts = sizes.contexts(plan, component) if plan else np.zeros(len(rows), np.int64)
-            chosen = chooser.choose(rows, component, residual[:, component], steps[rows, component], contexts)
+            chosen = chooser.choose(rows, component, known.residual(component), steps[rows, component], contexts)
             levels[rows, component] = chosen
+            known.learn(component, chosen * steps[rows, component])
             if plan:
                 sizes.learn(component, chosen)
-        known.learn(levels[rows] * steps[rows])
     return levels, known
 
 
@@ -136,9 +136,8 @@ def decode_levels(reader: ByteReader, layout: Layout, known: Prediction, steps: 
         rows = step.rows
         known.enter(step)
         sizes.enter(step)
-        levels = np.empty((len(rows), n_components), np.int64)
         for component in range(n_components):
-            levels[:, component] = symbols.read(sizes.contexts(plan, component))
-            sizes.learn(component, levels[:, component])
-        known.learn(levels * steps[rows])
+            levels = symbols.read(sizes.contexts(plan, component))
+            sizes.learn(component, levels)
+            known.learn(component, levels * steps[rows, component])
     symbols.check_end()

@@ -1,8 +1,8 @@
 r"""What the values of a pass are expected to be: a mixture of the means of neighbours and of mates around a centre.
 
-With N and M the means of what is known nearby and in the same triangle, expected is
-$c + (w_N (N - c) + w_M (M - c) + 32) / 64$, rounded down. The weights are fitted by least squares for each kind of pass and
-component, and sent in 64ths.
+With N and M the means of what is known nearby and in the same triangle, expected is $c + (w_N (N - c) + w_M (M - c) + 32) / 64$, rounded
+down; and to that of a component come the differences that earlier components of the same Gaussian turned out to have, by weights of their
+own. Weights are sent in 64ths. An encoder fits them for each kind of pass and component to make the differences small in steps.
 
 Source: own.
 """
@@ -26,6 +26,7 @@ LIMIT = 1 << 40  # no attribute comes near; a decoder stops before sums could le
 TERMS = 2  # neighbours, mates
 WEIGHT_BITS = 6
 MAX_WEIGHT = 127
+N_FITS = 5
 
 
 class Prediction(Protocol):
@@ -34,11 +35,11 @@ class Prediction(Protocol):
     def enter(self, step: Pass) -> None:
         """Begin a pass: form what its values are expected to be."""
 
-    def residual(self) -> Int[np.ndarray, "p c"]:
-        """Give how far off the values of the pass are, in fine units: for encoders, which know them."""
+    def residual(self, component: int) -> Int[np.ndarray, " p"]:
+        """Give how far off a component of the pass is, in fine units: for encoders, which know it."""
 
-    def learn(self, difference: Int[np.ndarray, "p c"]) -> None:
-        """Take in the decoded differences of the pass."""
+    def learn(self, component: int, difference: Int[np.ndarray, " p"]) -> None:
+        """Take in the decoded differences of a component of the pass, in their order."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +49,12 @@ class Mixture:
     Args:
         centre: (c,) what is expected of a Gaussian of which nothing is known.
         weights: (KINDS, TERMS, c) trust in neighbours and in mates, in 64ths.
+        across: (c, c) trust of each component (row) in what earlier ones are off, in 64ths; 0 from the diagonal on.
     """
 
     centre: Int[np.ndarray, " c"]
     weights: Int[np.ndarray, "k t c"]
+    across: Int[np.ndarray, "c c"]
 
     def predict(self, step: Pass, values: Int[np.ndarray, "n c"]) -> Int[np.ndarray, "p c"]:
         """Expected values of a pass, from the values known before it."""
@@ -62,7 +65,9 @@ class Mixture:
 
     def pack(self) -> bytes:
         """Write centre and weights."""
-        return struct.pack(f"<{len(self.centre)}q", *self.centre) + self.weights.astype(np.int8).tobytes()
+        below = self.across[np.tril_indices(len(self.across), -1)]
+        weights = np.concatenate([self.weights.reshape(-1), below]).astype(np.int8)
+        return struct.pack(f"<{len(self.centre)}q", *self.centre) + weights.tobytes()
 
     @classmethod
     def unpack(cls, reader: ByteReader, n_components: int) -> Mixture:
@@ -74,9 +79,12 @@ class Mixture:
         centre = np.array(reader.unpack(f"{n_components}q"), np.int64)
         if np.abs(centre.astype(np.float64)).max(initial=0) > LIMIT:
             raise reader.error(f"a centre is beyond +-{LIMIT} units")
-        shape = (KINDS, TERMS, n_components)
-        weights = np.frombuffer(reader.take(int(np.prod(shape))), np.int8).reshape(shape)
-        return cls(centre, weights.astype(np.int64))
+        shape, below = (KINDS, TERMS, n_components), np.tril_indices(n_components, -1)
+        sent = reader.take(int(np.prod(shape)) + len(below[0]))
+        numbers = np.frombuffer(sent, np.int8).astype(np.int64)
+        across = np.zeros((n_components, n_components), np.int64)
+        across[below] = numbers[int(np.prod(shape)) :]
+        return cls(centre, numbers[: int(np.prod(shape))].reshape(shape), across)
 
 
 class Linear:
@@ -96,14 +104,24 @@ class Linear:
         """Begin a pass."""
         self._rows = step.rows
         self._expected = self._mixture.predict(step, self.values)
+        self._off = np.zeros_like(self._expected)
 
-    def residual(self) -> Int[np.ndarray, "p c"]:
+    def expected(self, component: int) -> Int[np.ndarray, " p"]:
+        """Give what a component is expected to be, from neighbours, mates and earlier components."""
+        total = np.full(len(self._rows), 1 << (WEIGHT_BITS - 1), np.int64)
+        for before in range(component):
+            total += self._off[:, before] * self._mixture.across[component, before]
+        return np.asarray(self._expected[:, component] + (total >> WEIGHT_BITS))
+
+    def residual(self, component: int) -> Int[np.ndarray, " p"]:
         """Give target less expected value."""
-        return np.asarray(self._targets[self._rows] - self._expected)
+        return np.asarray(self._targets[self._rows, component] - self.expected(component))
 
-    def learn(self, difference: Int[np.ndarray, "p c"]) -> None:
+    def learn(self, component: int, difference: Int[np.ndarray, " p"]) -> None:
         """Add differences to what was expected."""
-        self.values[self._rows] = self._expected + difference
+        value = self.expected(component) + difference
+        self._off[:, component] = value - self._expected[:, component]
+        self.values[self._rows, component] = value
 
 
 def terms_of(
@@ -115,21 +133,39 @@ def terms_of(
         yield np.where(there, weighted_mean(values, rows, trust) - centre, 0)
 
 
-def fit_mixture(layout: Layout, values: Int[np.ndarray, "n c"]) -> Mixture:
-    """Least-squares weights for each kind of pass and component, from the values before quantisation."""
-    n_components = values.shape[1]
-    centre = np.median(values, axis=0).astype(np.int64) if len(values) else np.zeros(n_components, np.int64)
-    normal = np.zeros((KINDS, n_components, TERMS, TERMS))
-    right = np.zeros((KINDS, n_components, TERMS))
+def fit_mixture(layout: Layout, values: Int[np.ndarray, "n c"], steps: Int[np.ndarray, "n c"]) -> Mixture:
+    """Fit all weights to the values before quantisation."""
+    n, n_components = values.shape
+    centre = np.median(values, axis=0).astype(np.int64) if n else np.zeros(n_components, np.int64)
+    terms, kinds = np.zeros((n, n_components, TERMS)), np.zeros(n, np.int64)
     for step in layout.passes:
-        terms = np.stack(list(terms_of(step, values, centre)), axis=-1).astype(np.float64)
-        normal[step.kind] += np.einsum("pct,pcu->ctu", terms, terms)
-        right[step.kind] += np.einsum("pct,pc->ct", terms, values[step.rows] - centre)
-    return Mixture(centre, np.moveaxis(solve(normal, right), 1, 2))
+        kinds[step.rows] = step.kind
+        for term, away in enumerate(terms_of(step, values, centre)):
+            terms[step.rows, :, term] = away
+    weights = np.zeros((KINDS, TERMS, n_components), np.int64)
+    across = np.zeros((n_components, n_components), np.int64)
+    off = (values - centre).astype(np.float64)
+    for component in range(n_components):
+        for kind in range(KINDS):
+            rows = kinds == kind
+            weights[kind, :, component] = fit_weights(
+                terms[rows, component], off[rows, component], steps[rows, component]
+            )
+        off[:, component] -= (terms[:, component] * weights[kinds, :, component]).sum(axis=1) / (1 << WEIGHT_BITS)
+        across[component, :component] = fit_weights(off[:, :component], off[:, component], steps[:, component])
+    return Mixture(centre, weights, across)
 
 
-def solve(normal: Float[np.ndarray, "k c t t"], right: Float[np.ndarray, "k c t"]) -> Int[np.ndarray, "k c t"]:
-    """Weights in 64ths; the smallest where the sums do not tell them."""
-    weights = np.einsum("kctu,kcu->kct", np.linalg.pinv(normal, hermitian=True), right)
+def fit_weights(
+    terms: Float[np.ndarray, "p t"], target: Float[np.ndarray, " p"], steps: Int[np.ndarray, " p"]
+) -> Int[np.ndarray, " t"]:
+    """Weights in 64ths that leave the least sum of magnitudes in steps, by least squares weighted anew; the smallest of equals."""
+    design, wanted = terms / steps[:, None], target / steps
+    weights = np.zeros(terms.shape[1])
+    heed = np.ones(len(wanted))
+    for _ in range(N_FITS):
+        normal = (design * heed[:, None]).T @ design
+        weights = np.linalg.pinv(normal, hermitian=True) @ (design.T @ (wanted * heed))
+        heed = 1 / (1 + np.abs(wanted - design @ weights))
     sent = np.clip(np.rint(weights * (1 << WEIGHT_BITS)), -MAX_WEIGHT, MAX_WEIGHT)
     return np.asarray(sent.astype(np.int64))

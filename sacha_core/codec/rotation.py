@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.codec.choice import PLAIN, Worth
-from sacha_core.codec.frames import quaternions_of, rest_frames
+from sacha_core.codec.frames import quaternions_of
 from sacha_core.codec.order import KINDS, Layout
 from sacha_core.codec.predicted import decode_levels, encode_levels
 from sacha_core.codec.reading import ByteReader
@@ -84,7 +84,7 @@ def choose_weights(layout: Layout, targets: Float[np.ndarray, "4 n"], steps: Int
         known.quaternions = targets
         for step in layout.passes:
             known.enter(step)
-            bits[number, step.kind] += np.log2(1 + np.abs(known.residual()) / steps[step.rows]).sum()
+            bits[number, step.kind] += np.log2(1 + np.abs(known.turns()) / steps[step.rows]).sum()
     best = bits.argmin(axis=0)
     return TurnWeights(np.stack([trials[best[kind]].weights[kind] for kind in range(KINDS)]))
 
@@ -92,7 +92,7 @@ def choose_weights(layout: Layout, targets: Float[np.ndarray, "4 n"], steps: Int
 def frame_quaternions(layout: Layout) -> Float[np.ndarray, "4 n"]:
     """Orientation of each Gaussian's triangle in the world."""
     triangles, row = np.unique(layout.binding, return_inverse=True)
-    return np.asarray(quaternions_of(rest_frames(layout.template, triangles).axes)[:, row])
+    return np.asarray(quaternions_of(layout.template.frames(triangles).axes)[:, row])
 
 
 def in_triangle(layout: Layout, quaternions: Float[np.ndarray, "4 n"], domain: int) -> Float[np.ndarray, "n 4"]:

@@ -1,4 +1,4 @@
-r"""Section `Scale`: logarithms of the three standard deviations, largest first, the further ones as how far they fall below the one before.
+r"""Section `Scale`: logarithms of the three standard deviations, largest first.
 
 Sorting costs nothing, since the rotation is turned to match (`rotation.sort_axes`). Scales are coded as if every triangle had the size of
 the middle one, so that neighbours on triangles of other sizes predict them.
@@ -8,7 +8,6 @@ Source: own.
 
 from __future__ import annotations
 
-import struct
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +24,7 @@ __all__ = ["classes_of", "decode_scale", "encode_scale", "known_classes"]
 UNIT = 2.0**-12  # of a natural logarithm
 HALF_OCTAVES = 189093  # 2 / ln 2 in 16 fractional bits: half octaves in a natural logarithm
 HALF_OCTAVE_SHIFT = 28
-NATURAL = 363409  # a half octave, ln 2 / 2, in 256ths of `UNIT`
+NATURAL = 90852  # an eighth of an octave, ln 2 / 8, in 256ths of `UNIT`
 
 
 def known_classes(transparency: Int[np.ndarray, " n"], hidden: Int[np.ndarray, " n"]) -> Classes:
@@ -59,15 +58,13 @@ def encode_scale(
         The section and the integers that the decoder will have.
     """
     values = np.rint(log_scale.astype(np.float64) / UNIT).astype(np.int64) + triangle_log_size(layout)[:, None]
-    above = np.zeros(len(values), np.int64)
-    parts, columns = [], []
-    for axis, rule in enumerate(rules):
-        gap = values[:, axis] if axis == 0 else above - values[:, axis]
-        coded, decoded = encode_predicted(layout, gap[:, None], rule.steps(classes)[:, None], worth.of(axis))
-        above = decoded[:, 0] if axis == 0 else above - decoded[:, 0]
-        parts.append(rule.pack() + struct.pack("<I", len(coded)) + coded)
-        columns.append(above)
-    return b"".join(parts), np.stack(columns, axis=1)
+    coded, decoded = encode_predicted(layout, values, steps_of(rules, classes), worth)
+    return b"".join(rule.pack() for rule in rules) + coded, decoded
+
+
+def steps_of(rules: tuple[StepRule, ...], classes: Classes) -> Int[np.ndarray, "n 3"]:
+    """Steps of the three scales."""
+    return np.stack([rule.steps(classes) for rule in rules], axis=1)
 
 
 def decode_scale(
@@ -78,15 +75,6 @@ def decode_scale(
     Raises:
         FormatError: the bytes are not what an encoder writes.
     """
-    above = np.zeros(len(layout.slots), np.int64)
-    columns = []
-    for axis in range(3):
-        rule = StepRule.unpack(reader)
-        (n_bytes,) = reader.unpack("I")
-        part = reader.part(n_bytes)
-        decoded = decode_predicted(part, layout, rule.steps(classes)[:, None], 1)
-        above = decoded[:, 0] if axis == 0 else above - decoded[:, 0]
-        columns.append(above)
-    reader.check_end()
-    scale = np.stack(columns, axis=1)
+    rules = tuple(StepRule.unpack(reader) for _ in range(3))
+    scale = decode_predicted(reader, layout, steps_of(rules, classes), 3)
     return dequantise(scale - triangle_log_size(layout)[:, None], UNIT), scale

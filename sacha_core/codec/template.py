@@ -1,7 +1,7 @@
 r"""What both sides know of the head: where Gaussians can sit, in which order that is best coded, and how large the triangles are.
 
 Neighbours on the head look alike, so triangles are put in the order of a space-filling curve through their centroids; and steps are meant
-in metres, while attributes come in triangle units, so each triangle has a size class in half octaves. All follows from the unposed
+in metres, while attributes come in triangle units, so each triangle has a size class in eighths of an octave. All follows from the unposed
 template by integer arithmetic, or float64 operations that are exact or rounded once, hence alike on every machine.
 
 Without the head, triangles keep the order of the head's faces and are all of one size.
@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
+from sacha_core.codec.frames import RestFrames, frames_of
 from sacha_core.codec.mesh import Edges, edges_of
 from sacha_core.codec.places import NOWHERE, Places, along_curve
 
@@ -32,7 +33,7 @@ class Template:
 
     Args:
         triangles: the f triangles as places, in coding order; points are sums of three corners.
-        size: (f,) half octaves of each triangle's size over the middle one's, in coding order.
+        size: (f,) eighths of an octave of each triangle's scale over the middle one's, in coding order.
         grid: (v, 3) vertices on the grid; none without the head.
         faces: (f, 3) likewise.
         octave: exponent of two that the head's extent is below; the grid's pitch is 2^(octave - GRID_BITS) metres.
@@ -53,6 +54,10 @@ class Template:
     def known(self) -> bool:
         """Whether there is a head."""
         return len(self.faces) > 0
+
+    def frames(self, triangles: Int[np.ndarray, " p"]) -> RestFrames:
+        """Give the unposed frames of triangles, as the head counts them."""
+        return frames_of(self.grid[self.faces[triangles]])
 
     @cached_property
     def edges(self) -> Edges:
@@ -107,9 +112,8 @@ def on_grid(v_template: Float[np.ndarray, "v 3"]) -> tuple[Int[np.ndarray, "v 3"
 
 
 def size_classes(corners: Int[np.ndarray, "f 3 3"]) -> Int[np.ndarray, " f"]:
-    """Half octaves of the root of each triangle's area."""
-    ax, ay, az = (corners[:, 1] - corners[:, 0]).T
-    bx, by, bz = (corners[:, 2] - corners[:, 0]).T
-    normal = (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
-    x, y, z = (component.astype(np.float64) for component in normal)
-    return np.asarray(np.frexp((x * x + y * y) + z * z)[1].astype(np.int64) >> 1)
+    """Eighths of an octave of each triangle's scale, rounded down."""
+    scale = frames_of(corners).scale
+    squared = scale * scale
+    fourth = squared * squared
+    return np.asarray(np.frexp(fourth * fourth)[1].astype(np.int64))

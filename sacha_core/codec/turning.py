@@ -122,12 +122,21 @@ class Turning:
         """Begin a pass."""
         self._rows = step.rows
         self._expected = self._weights.expect(step, self.quaternions)
+        self._turn = np.zeros((len(step.rows), 3), np.int64)
 
-    def residual(self) -> Int[np.ndarray, "p 3"]:
-        """Give the turns from the expected orientations, in `UNIT`."""
+    def turns(self) -> Int[np.ndarray, "p 3"]:
+        """Give the turns from the expected orientations to the targets, in `UNIT`."""
         turn = multiply(conjugate(self._expected), self._targets[:, self._rows])
         return np.rint(rotation_vector(turn) / UNIT).astype(np.int64).T
 
-    def learn(self, difference: Int[np.ndarray, "p 3"]) -> None:
-        """Turn what was expected."""
-        self.quaternions[:, self._rows] = multiply(self._expected, turn_of(difference))
+    def residual(self, component: int) -> Int[np.ndarray, " p"]:
+        """Give one component of the turns."""
+        if component == 0:
+            self._wanted = self.turns()
+        return np.asarray(self._wanted[:, component])
+
+    def learn(self, component: int, difference: Int[np.ndarray, " p"]) -> None:
+        """Take in a component; after the last turn what was expected."""
+        self._turn[:, component] = difference
+        if component == 2:
+            self.quaternions[:, self._rows] = multiply(self._expected, turn_of(self._turn))

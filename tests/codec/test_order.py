@@ -77,11 +77,12 @@ def test_consecutive_cells_of_the_curve_touch():
     assert (steps == 1).all()
 
 
-def test_triangle_sizes_are_half_octaves():
+def test_triangle_sizes_are_eighths_of_an_octave():
+    """Oracle: triangles alike but for their size, twice and four times the first's."""
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 2, 0], [2, 0, 0], [4, 0, 0], [0, 4, 0]], np.float32)
     faces = np.array([[0, 1, 2], [0, 4, 3], [0, 5, 6]])
     template = template_of(vertices, faces)
-    assert template.size[np.argsort(template.order)].tolist() == [-2, 0, 2]
+    assert template.size[np.argsort(template.order)].tolist() == [-8, 0, 8]
 
 
 def test_template_does_not_depend_on_units_that_are_powers_of_two():

@@ -14,7 +14,7 @@ from synthetic_avatars import small_head
 
 from sacha_core.codec.colour import decode_colour, encode_colour, yuv_to_rgb
 from sacha_core.codec.counts import decode_layout, encode_layout
-from sacha_core.codec.frames import quaternions_of, rest_frames
+from sacha_core.codec.frames import quaternions_of
 from sacha_core.codec.hidden import decode_hidden, encode_hidden
 from sacha_core.codec.levels import COLOUR_RULES, POSITION_RULE, ROTATION_RULES, SCALE_RULES
 from sacha_core.codec.opacity import decode_opacity, encode_opacity, opacity_index, opacity_table
@@ -191,7 +191,7 @@ def test_position(kind, spread):
     if data[0] == TRIANGLE:
         bound, error = steps[:, None] * 2.0**-16, np.abs(decoded - position)
     else:
-        frames = rest_frames(layout.template, layout.binding)
+        frames = layout.template.frames(layout.binding)
         error = np.abs(np.einsum("ijn,nj->ni", frames.axes, decoded - position)) * frames.scale[:, None]
         bound = steps[:, None] / 16 + FLOAT32_ROUNDING * (np.abs(position).max(axis=1) * frames.scale)[:, None] * 2
     assert (error <= bound + FLOAT32_ROUNDING * np.abs(position)).all()
@@ -209,7 +209,7 @@ def test_world_and_triangle_are_the_same_place():
     assert np.abs(values / 16 + layout.anchors / 2 - world).max() <= 1 / 32 + ANGLE_TOLERANCE
     back = from_world(layout, values)
     assert np.abs(back - position).max() * frames.scale.min() < 0.1  # cells; a unit is a sixteenth
-    axes = rest_frames(template, layout.binding).axes
+    axes = template.frames(layout.binding).axes
     turned = Rotation.from_quat(quaternions_of(axes).T, scalar_first=True).as_matrix()
     assert np.allclose(turned, axes.transpose(2, 0, 1), atol=ANGLE_TOLERANCE)
 
