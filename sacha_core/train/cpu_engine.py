@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 
 import numpy as np
@@ -29,6 +29,8 @@ from sacha_core.train.views import Target
 
 __all__ = ["CpuEngine"]
 
+Compare = Callable[[np.ndarray, np.ndarray, np.ndarray, int], ImageLosses]
+
 
 class CpuEngine:
     """Trains on the CPU; `sacha_core.train.engine.Engine` says what each method is for.
@@ -39,6 +41,8 @@ class CpuEngine:
         head: the head model.
         motion: whose static parameters make the person.
         options: of the run.
+        compare: called with a drawn image, its target, the reference sensitivity and the number of pixels that means are over, in place of
+            the losses of the options.
 
     Attributes:
         stopwatch: told how long each stage takes; None for nobody.
@@ -48,7 +52,9 @@ class CpuEngine:
         OptionError: an option is not for the CPU.
     """
 
-    def __init__(self, head: HeadModel, motion: HeadMotion, options: TrainOptions) -> None:
+    def __init__(
+        self, head: HeadModel, motion: HeadMotion, options: TrainOptions, compare: Compare | None = None
+    ) -> None:
         if options.density.gradient != "ndc":
             raise OptionError(f"density.gradient is {options.density.gradient}, expected ndc on the CPU")
         self.stopwatch: Stopwatch | None = None
@@ -61,6 +67,7 @@ class CpuEngine:
         self._drawer = Drawer(self._rasteriser, self._pool, self._time)
         self._looker = Looker(self._rig, self._rasteriser, self._pool, self._time)
         self._image_loss = ImageLoss(losses.l1, losses.ssim, losses.sensitivity, self._pool.run)
+        self._compare = compare or self._image_loss
         self._gradients = GaussianGradients(losses, self._rig, self._pool, options.fine_tune)
         self._masks: Arrays = {}  # gradient by the masks, where they are learnt
         self._motion: Arrays = {}  # gradients of the rows of one timestep
@@ -184,7 +191,7 @@ class CpuEngine:
         left, top, right, bottom = drawing.box
         wanted, sensitive = target.image[:, top:bottom, left:right], target.sensitivity[top:bottom, left:right]
         with self._time("loss"):
-            found = self._image_loss(drawing.frame.image, wanted, sensitive, target.sensitivity.size)
+            found = self._compare(drawing.frame.image, wanted, sensitive, target.sensitivity.size)
             if views > 1:
                 np.multiply(found.gradient, np.float32(1 / views), out=found.gradient)
         return found
