@@ -1,0 +1,95 @@
+"""Fine-tuning through the quantiser. The oracle are pictures of what the decoder gives, by cameras that it never learnt from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sacha_core.avatar.avatar import Avatar
+from sacha_core.avatar.binding import initial_gaussians
+from sacha_core.codec import decode, encode
+from sacha_core.errors import OptionError
+from sacha_core.flame.synthetic import synthetic_head
+from sacha_core.geometry.triangle import triangle_frames
+from sacha_core.perception.psnr import psnr
+from sacha_core.raster.scene import render_avatar
+from sacha_core.rate.finetune import TuningOptions, finetune
+from sacha_core.rate.pictures import own_pictures
+from sacha_core.rate.quantised import quantised
+from sacha_core.rate.views import protocol_shots
+
+LEVEL = 1
+GAINED_DB = 0.5  # at least; about 2 dB are typical
+SAME_SIZE = 1.03  # of the file, at most
+SAME_PICTURE_DB = 75.0  # quaternions rounded another way, which may move an edge at 1/255 by a pixel
+
+
+@pytest.fixture(scope="module")
+def head():
+    return synthetic_head("small")
+
+
+@pytest.fixture(scope="module")
+def avatar(head):
+    rng = np.random.default_rng(5)
+    gaussians = initial_gaussians(head.n_faces, rng, 1)
+    n, f4 = len(gaussians), np.float32
+    gaussians = replace(
+        gaussians,
+        position=rng.normal(0, 0.3, (n, 3)).astype(f4),
+        log_scale=rng.normal(-0.3, 0.3, (n, 3)).astype(f4),
+        quaternion=rng.normal(0, 1, (n, 4)).astype(f4),
+        opacity_logit=rng.normal(1, 1, n).astype(f4),
+        sh_dc=rng.normal(0, 0.4, (n, 3)).astype(f4),
+        sh_rest=rng.normal(0, 0.1, (n, 3, 3)).astype(f4),
+    )
+    return Avatar(gaussians, head.reference)
+
+
+def test_tuned_file_looks_more_like_the_avatar_at_the_same_size(avatar, head):
+    poses, steps = own_pictures(avatar, head, 4, 3)
+    posed = replace(avatar, motion=poses)
+    tuned = replace(avatar, gaussians=finetune(posed, head, LEVEL, steps, options=TuningOptions(80)))
+    files = [encode(one, LEVEL, head=head) for one in (avatar, tuned)]
+    shots = protocol_shots(posed, head, 2, 0.25)
+
+    def picture_quality(data):
+        back = decode(data, head=head).gaussians
+        found = []
+        for shot in shots:
+            for camera in shot.cameras[::5]:
+                pictures = [render_avatar(one, shot.frames, camera).colour for one in (avatar.gaussians, back)]
+                found.append(psnr(*pictures))
+        return np.mean(found)
+
+    assert picture_quality(files[1]) > picture_quality(files[0]) + GAINED_DB
+    assert len(files[1]) < SAME_SIZE * len(files[0])
+
+
+def test_threads_change_nothing(avatar, head):
+    poses, steps = own_pictures(avatar, head, 2, 1)
+    posed = replace(avatar, motion=poses)
+    one, two = (finetune(posed, head, LEVEL, steps, options=TuningOptions(6, 3, threads=n)) for n in (1, 2))
+    for name in ("position", "log_scale", "quaternion", "opacity_logit", "sh_dc", "sh_rest"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+
+
+def test_quantised_gaussians_are_the_decoded_ones_in_the_order_given(avatar, head):
+    found = quantised(avatar, head, LEVEL)
+    back = decode(encode(avatar, LEVEL, head=head), head=head).gaussians
+    assert found.kept.sum() == len(back)
+    frames = triangle_frames(head.v_template, head.faces)
+    camera = protocol_shots(avatar, head, 1, 0.25)[0].cameras[3]
+    pictures = [render_avatar(one, frames, camera).colour for one in (found.gaussians, back)]
+    assert psnr(*pictures) > SAME_PICTURE_DB
+    moved = np.abs(found.gaussians.quaternion - avatar.gaussians.quaternion)[found.kept]
+    assert np.median(moved) < 0.1 * np.median(
+        np.abs(avatar.gaussians.quaternion)
+    )  # not another description of the same turn
+
+
+def test_nothing_to_look_at_is_refused(avatar, head):
+    with pytest.raises(OptionError, match="needs a motion and pictures"):
+        finetune(avatar, head, LEVEL, [])
