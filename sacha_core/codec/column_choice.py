@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 from sacha_core.codec import float_column as rules
 from sacha_core.codec.float_column import Column
 from sacha_core.codec.float_symbols import Symbols, direct_symbols, residual_symbols
+from sacha_core.codec.listed_column import list_symbols, listed_of, place_symbols
 
 __all__ = ["choose_column"]
 
@@ -120,4 +121,11 @@ def choose_column(
     if len(earlier) == rules.REACH:
         unit = replace(plain, mode=rules.UNIT)
         candidates.append(as_residual(x, unit, unit.expected(mean, earlier, off), spread))
+    listed = listed_of(x)
+    if len(listed) * 2 <= len(x):
+        column = replace(fitted, mode=rules.LISTED, zeros=0, n_listed=len(listed))
+        lead = place_symbols(x, column.expected(mean, earlier, off)).lead
+        candidates.append(
+            (conditional_bits(lead, spread) + float(list_symbols(listed)[2].sum() + 4 * len(listed)), column)
+        )
     return min(candidates, key=lambda candidate: candidate[0])[1]

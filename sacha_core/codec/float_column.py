@@ -22,17 +22,20 @@ __all__ = [
     "CONSTANT",
     "CONTEXTS",
     "DIRECT",
+    "LISTED",
     "RESIDUAL",
     "UNIT",
     "Column",
     "between",
     "bit_length",
+    "from_ordered",
     "magnitudes",
     "neighbours",
+    "ordered",
     "passes_of",
-]  # fmt: skip
+]
 
-CONSTANT, DIRECT, RESIDUAL, UNIT = range(4)  # modes
+CONSTANT, DIRECT, RESIDUAL, UNIT, LISTED = range(5)  # modes
 REACH = 3  # earlier columns that an expectation draws on
 HEAD, FIELDS = "Bf", f"BB{REACH + 1}hB"
 FRACTION = 2.0**-12  # of coefficients
@@ -40,11 +43,12 @@ MAX_THRESHOLDS = 15
 MAX_ZEROS = 19
 LARGEST = float(np.finfo(np.float32).max)
 SPREADS, BINS, FAMILIES, LENGTHS = 11, MAX_THRESHOLDS + 1, 12, 32
-# contexts of a group of columns: leading symbols by spread or by bin, following ones by length or by bin and family
+# contexts of a group of columns: leading symbols by spread or by bin, following ones by length or by bin and family; and one for lists
 LEAD_RESIDUAL, LEAD_DIRECT = 0, SPREADS
 NEXT_RESIDUAL = LEAD_DIRECT + BINS
 NEXT_DIRECT = NEXT_RESIDUAL + LENGTHS
-CONTEXTS = NEXT_DIRECT + BINS * FAMILIES
+LIST = NEXT_DIRECT + BINS * FAMILIES
+CONTEXTS = LIST + 1
 
 Pass = tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"], Int[np.ndarray, " p"]]
 
@@ -80,6 +84,17 @@ def magnitudes(values: Float[np.ndarray, " p"]) -> Int[np.ndarray, " p"]:
     return values.view(np.uint32).astype(np.int64) & 0x7FFFFFFF
 
 
+def ordered(values: Float[np.ndarray, " p"]) -> Int[np.ndarray, " p"]:
+    """Bits of float32 numbers as integers in the order of the numbers; -0 lies just below 0."""
+    bits = magnitudes(values)
+    return np.asarray(np.where(np.signbit(values), -1 - bits, bits))
+
+
+def from_ordered(places: Int[np.ndarray, " p"]) -> Int[np.ndarray, " p"]:
+    """Give the bits of float32 numbers that `ordered` gave."""
+    return np.asarray(np.where(places < 0, (-1 - places) | 1 << 31, places))
+
+
 def bit_length(whole: Int[np.ndarray, " p"]) -> Int[np.ndarray, " p"]:
     """Bits of integers from 0 to 2**53."""
     return np.frexp(whole.astype(np.float64))[1].astype(np.int64)
@@ -91,12 +106,14 @@ class Column:
 
     Args:
         mode: CONSTANT (every number is the centre), DIRECT (sign, exponent, four bits of the mantissa; then noise), RESIDUAL (distance from
-            the expected value), UNIT (the same, expected where it makes the row a unit vector with the three numbers before it).
+            the expected value), UNIT (the same, expected where it makes the row a unit vector with the three numbers before it), LISTED
+            (by its place in a list of all different numbers).
         centre: what is expected without neighbours.
         zeros: low bits that are 0 in every number.
         anchor: greatest exponent (DIRECT), usual length of a distance (RESIDUAL, UNIT).
         coefficients: what is made of the neighbours' mean and of earlier columns, in 2**-12.
         thresholds: float32 numbers that cut expected values into contexts (DIRECT).
+        n_listed: how many different numbers there are (LISTED).
     """
 
     mode: int
@@ -105,6 +122,7 @@ class Column:
     anchor: int = 0
     coefficients: tuple[int, ...] = (0,) * (REACH + 1)
     thresholds: tuple[float, ...] = ()
+    n_listed: int = 0
 
     def pack(self) -> bytes:
         """Write what a decoder has to know."""
@@ -112,17 +130,18 @@ class Column:
         if self.mode == CONSTANT:
             return head
         fields = struct.pack("<" + FIELDS, self.zeros, self.anchor, *self.coefficients, len(self.thresholds))
-        return head + fields + struct.pack(f"<{len(self.thresholds)}f", *self.thresholds)
+        listed = struct.pack("<I", self.n_listed) if self.mode == LISTED else b""
+        return head + fields + struct.pack(f"<{len(self.thresholds)}f", *self.thresholds) + listed
 
     @classmethod
-    def unpack(cls, reader: ByteReader, place: int) -> Column:
-        """Read what `pack` wrote, of the column at this place in its array.
+    def unpack(cls, reader: ByteReader, place: int, n: int) -> Column:
+        """Read what `pack` wrote, of the column at this place in its array of n rows.
 
         Raises:
             FormatError: a field is out of range.
         """
         mode, centre = reader.unpack(HEAD)
-        if mode > UNIT or not np.isfinite(centre) or (mode == UNIT and place < REACH):
+        if mode > LISTED or not np.isfinite(centre) or (mode == UNIT and place < REACH):
             raise reader.error(f"column {place} of mode {mode} around {centre}")
         if mode == CONSTANT:
             return cls(mode, centre)
@@ -132,7 +151,10 @@ class Column:
         thresholds = reader.unpack(f"{n_thresholds}f")
         if not np.isfinite(thresholds).all():
             raise reader.error(f"column {place} has a threshold that is not finite")
-        return cls(mode, centre, zeros, anchor, tuple(coefficients), thresholds)
+        (n_listed,) = reader.unpack("I") if mode == LISTED else (0,)
+        if mode == LISTED and not 1 <= n_listed <= n:
+            raise reader.error(f"column {place} lists {n_listed} different numbers of {n}")
+        return cls(mode, centre, zeros, anchor, tuple(coefficients), thresholds, n_listed)
 
     def expected(
         self, mean: Float[np.ndarray, " p"], earlier: list[Float[np.ndarray, " p"]], off: list[Float[np.ndarray, " p"]]

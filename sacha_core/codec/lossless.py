@@ -14,6 +14,16 @@ from sacha_core.codec import float_column as rules
 from sacha_core.codec.column_choice import choose_column
 from sacha_core.codec.float_column import Column, between, neighbours, passes_of
 from sacha_core.codec.float_symbols import Symbols, direct_symbols, join_direct, join_residual, residual_symbols
+from sacha_core.codec.listed_column import (
+    LENGTH_MIDDLE,
+    bits_at,
+    finite_bits,
+    join_list,
+    list_symbols,
+    listed_of,
+    place_of,
+    place_symbols,
+)  # fmt: skip
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.symbols import SymbolReader, SymbolWriter
 from sacha_core.codec.tokens import pack_bits, unpack_bits
@@ -73,16 +83,29 @@ def encode_exactly(values: Float[np.ndarray, "n c"], n_groups: int) -> bytes:
         column = choose_column(x, float(centre), mean, earlier, distances, spread)
         heads.append(column.pack())
         off = np.column_stack([off, wide[:, place] - mean])[:, -rules.REACH :]
-        if column.mode != rules.CONSTANT:
-            expected = column.expected(mean, earlier, distances)
-            told = direct_symbols(x, column) if column.mode == rules.DIRECT else residual_symbols(x, expected, column)
-            base = place % n_groups * rules.CONTEXTS
-            ordered = write_column(writer, column, told, expected, spread, base)
-            noise.append(told.noise[ordered])
-            lengths.append(told.lengths[ordered])
+        if column.mode == rules.CONSTANT:
+            continue
+        base = place % n_groups * rules.CONTEXTS
+        expected = column.expected(mean, earlier, distances)
+        if column.mode == rules.LISTED:
+            symbols, *rest = list_symbols(listed_of(x))
+            writer.write(symbols, np.full(len(symbols), base + rules.LIST))
+            noise.append(rest[0])
+            lengths.append(rest[1])
+        told = symbols_of(x, expected, column)
+        rows = write_column(writer, column, told, expected, spread, base)
+        noise.append(told.noise[rows])
+        lengths.append(told.lengths[rows])
     bits = pack_bits(np.concatenate(noise), np.concatenate(lengths))
     described = b"".join(heads)
     return struct.pack("<" + LAYOUT, n_groups, len(described), len(bits)) + described + bits + writer.finish()
+
+
+def symbols_of(x: Float[np.ndarray, " n"], expected: Float[np.ndarray, " n"], column: Column) -> Symbols:
+    """Give the symbols of a column in its mode."""
+    if column.mode == rules.LISTED:
+        return place_symbols(x, expected)
+    return direct_symbols(x, column) if column.mode == rules.DIRECT else residual_symbols(x, expected, column)
 
 
 def write_column(
@@ -95,12 +118,13 @@ def write_column(
 ) -> Int[np.ndarray, " n"]:
     """Write the symbols of a column, pass by pass; give its rows in that order."""
     leads = base + lead_contexts(column, expected, spread)
-    nexts = base + next_contexts(column, expected, told.lead)
+    nexts = base + next_contexts(column, expected, told.lead)  # unused where nothing follows
     passes = [rows for rows, _, _ in passes_of(len(expected))]
     for rows in passes:
         writer.write(told.lead[rows], leads[rows])
         more = rows[told.has_next[rows]]
-        writer.write(told.next[more], nexts[more])
+        if column.mode != rules.LISTED:
+            writer.write(told.next[more], nexts[more])
     return np.concatenate(passes)
 
 
@@ -114,7 +138,7 @@ def decode_exactly(reader: ByteReader, n: int, width: int) -> Float[np.ndarray, 
     if not 1 <= n_groups <= MAX_GROUPS:
         raise reader.error(f"{n_groups} groups of columns, expected 1 to {MAX_GROUPS}")
     heads = reader.part(head_bytes)
-    columns = [Column.unpack(heads, place) for place in range(width)]
+    columns = [Column.unpack(heads, place, n) for place in range(width)]
     heads.check_end()
     noise = Noise(reader.part(noise_bytes))
     symbols = SymbolReader(reader, n_groups * rules.CONTEXTS)
@@ -184,29 +208,64 @@ def read_column(
     Raises:
         FormatError: a number is not finite, or a symbol is none that an encoder writes.
     """
+    listed = read_list(reader, symbols, noise, column, base) if column.mode == rules.LISTED else None
     for number, (rows, left, right) in enumerate(passes):
         mean, spread = between(x[left], x[right]), spread_of(x[left], x[right])
         if number == 0:
             mean, spread = np.full(1, column.centre), np.zeros(1, np.int64)
         expected = column.expected(mean, [one[rows] for one in earlier], [one[rows] for one in off])
         lead = symbols.read(base + lead_contexts(column, expected, spread))
-        if column.mode == rules.DIRECT:
-            exponent = column.anchor + 1 - np.abs(lead)
-            more = lead != 0
-            fine = bool((~more | (exponent >= 0)).all())
+        if listed is not None:
+            bits = bits_at(place_of(expected, listed) + lead, listed)
         else:
-            more = np.ones(len(rows), bool)
-            fine = bool(((lead + column.anchor >= 0) & (lead + column.anchor < rules.LENGTHS)).all())
-        if not fine:
-            raise reader.error("a leading symbol out of its range")
-        following = np.zeros(len(rows), np.int64)
-        following[more] = symbols.read(base + next_contexts(column, expected, lead)[more])
-        if following.min(initial=0) < 0 or following.max(initial=0) > 15:
-            raise reader.error("a following symbol out of its range")
-        if column.mode == rules.DIRECT:
-            bits = join_direct(lead, following, noise, column)
-        else:
-            bits = join_residual(lead, following, noise, expected, column)
+            bits = read_bits(reader, symbols, noise, column, expected, lead, base)
         if ((bits < 0) | (bits & 0x7FFFFFFF >= 0x7F800000)).any():
-            raise reader.error("a number that is not finite")
+            raise reader.error("a number that is not finite or not in its list")
         x[rows] = bits.astype(np.uint32).view(np.float32)
+
+
+def read_list(
+    reader: ByteReader, symbols: SymbolReader, noise: Noise, column: Column, base: int
+) -> Int[np.ndarray, " m"]:
+    """Read the list of a column's different numbers.
+
+    Raises:
+        FormatError: it does not ascend, or leaves the finite numbers.
+    """
+    length = symbols.read(np.full(column.n_listed, base + rules.LIST)) + LENGTH_MIDDLE
+    if length.min() < 0 or length.max() > rules.LENGTHS:
+        raise reader.error("a length in a list out of its range")
+    listed = join_list(length, noise.read(np.maximum(length - 1, 0)))
+    if not finite_bits(listed):
+        raise reader.error("a list of numbers that does not ascend or is not finite")
+    return listed
+
+
+def read_bits(
+    reader: ByteReader,
+    symbols: SymbolReader,
+    noise: Noise,
+    column: Column,
+    expected: Float[np.ndarray, " p"],
+    lead: Int[np.ndarray, " p"],
+    base: int,
+) -> Int[np.ndarray, " p"]:
+    """Read what follows the leading symbols of a pass; give the bits of its numbers, negative where they are none.
+
+    Raises:
+        FormatError: a symbol is none that an encoder writes.
+    """
+    more = lead != 0 if column.mode == rules.DIRECT else np.ones(len(lead), bool)
+    if column.mode == rules.DIRECT:
+        fine = bool((~more | (column.anchor + 1 - np.abs(lead) >= 0)).all())
+    else:
+        fine = bool(((lead + column.anchor >= 0) & (lead + column.anchor < rules.LENGTHS)).all())
+    if not fine:
+        raise reader.error("a leading symbol out of its range")
+    following = np.zeros(len(lead), np.int64)
+    following[more] = symbols.read(base + next_contexts(column, expected, lead)[more])
+    if following.min(initial=0) < 0 or following.max(initial=0) > 15:
+        raise reader.error("a following symbol out of its range")
+    if column.mode == rules.DIRECT:
+        return join_direct(lead, following, noise, column)
+    return join_residual(lead, following, noise, expected, column)

@@ -53,7 +53,7 @@ def seeds() -> list[Sections]:
     ]
     files += [encode(still[1], 2), encode(still[3], 4, head=head), encode(rough, 4, head=head, drop_invisible=False)]
     files += [encode(vertex_avatar(head), 2, head=head), encode(random_avatar(0, 0, head=head), 1)]
-    files += [encode_archive(smooth[1]), encode_archive(still[2]), encode_archive(rough)]
+    files += [encode_archive(smooth[1]), encode_archive(still[2]), encode_archive(decode(encode_paper(smooth[1], 1)))]
     files += [encode_paper(smooth[1], 2), encode_paper(still[3], 4), encode_paper(smooth[0], 1)]
     files += [encode(still[0], 1, head=head, embed_head=True)]
     return [list(parse_sections(file)[1].values()) for file in files]

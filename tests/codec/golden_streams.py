@@ -67,6 +67,11 @@ def archive() -> bytes:
     return encode_archive(replace(avatar, gaussians=replace(avatar.gaussians, sensitivity_logit=logits)))
 
 
+def archive_again() -> bytes:
+    """An archive of what was quantised before: columns of few different numbers."""
+    return encode_archive(decode(encode_paper(smooth_avatar(80, small_head(), n_frames=4, n_harmonics=3, seed=8), 1)))
+
+
 def paper(level: int) -> bytes:
     """The paper's profile by this project's own coder."""
     return encode_paper(smooth_avatar(80, small_head(), n_frames=6, n_harmonics=HARMONICS[level], seed=7), level)
@@ -76,6 +81,7 @@ STREAMS: dict[str, Callable[[], bytes]] = {
     **{f"v2_level_{level}": partial(at_level, level) for level in (1, 2, 3, 4)},
     **{f"v2_paper_{level}": partial(paper, level) for level in (1, 2, 3, 4)},
     "v2_archive": archive,
+    "v2_archive_again": archive_again,
     "v2_rough": rough,
     "v2_vertices": by_vertex,
     "v2_plain": without_head,

@@ -52,6 +52,16 @@ class Column:
             self.zeros, self.anchor, *coefficients, n_thresholds = fields.read("BB4hB")
             self.a = [one * 2.0**-12 for one in coefficients]
             self.thresholds = fields.read(f"{n_thresholds}f")
+            self.m = fields.read("I")[0] if self.mode == 4 else 0
+            self.listed: list[int] = []
+
+    def read_list(self, tokens: Tokens, noise: Noise, base: int) -> None:
+        """Read the list of mode 4."""
+        last = -(1 << 31)
+        for symbol in tokens.batch([base + 251] * self.m):
+            length = symbol + 16
+            last += (1 << (length - 1) | noise.read(length - 1)) if length else 0
+            self.listed.append(last)
 
     def expected(self, m: float, earlier: list[float], offsets: list[float]) -> float:
         """Expected number; earlier columns and their offsets, the nearest first."""
@@ -72,7 +82,7 @@ def exact_array(data: bytes, n: int, c: int) -> np.ndarray:
     heads = Fields(fields.take(head_bytes))
     columns = [Column(heads) for _ in range(c)]
     noise = Noise(fields.take(noise_bytes))
-    tokens = Tokens(fields.take(), 251 * g)
+    tokens = Tokens(fields.take(), 252 * g)
     passes, half = [], (1 << (n - 1).bit_length()) // 2 if n else 0
     for number, (_, rows) in enumerate(coarse_to_fine(n)):
         while number and half and rows != list(range(half, n, 2 * half)):
@@ -83,8 +93,10 @@ def exact_array(data: bytes, n: int, c: int) -> np.ndarray:
     table = [[0.0] * c for _ in range(n)]
     offsets = [[0.0] * c for _ in range(n)]
     for j, column in enumerate(columns):
+        if column.mode == 4:
+            column.read_list(tokens, noise, j % g * 252)
         for number, members in enumerate(passes):
-            read_pass(column, j, j % g * 251, members, number == 0, table, offsets, tokens, noise)
+            read_pass(column, j, j % g * 252, members, number == 0, table, offsets, tokens, noise)
     tokens.end()
     assert len(noise.bits) < 8
     assert "1" not in noise.bits
@@ -124,6 +136,9 @@ def read_pass(
                 zip(shown, tokens.batch([base + 59 + 12 * bins[i] + families[i] for i in shown]), strict=True)
             )
             found = [direct(column, s, following.get(i, 0), noise) for i, s in enumerate(lead)]
+        elif column.mode == 4:
+            lead = tokens.batch([base + one for one in spread])
+            found = [listed(column, s, x) for s, x in zip(lead, expected, strict=True)]
         else:
             lead = tokens.batch([base + one for one in spread])
             following = tokens.batch([base + 27 + s + column.anchor for s in lead])
@@ -133,6 +148,19 @@ def read_pass(
             ]
     for (row, _, _), x, m in zip(members, found, means, strict=True):
         table[row][j], offsets[row][j] = x, x - m
+
+
+def listed(column: Column, s: int, expected: float) -> float:
+    """Mode 4."""
+    place = min(sum(one < order_integer(expected) for one in column.listed), column.m - 1) + s
+    order = column.listed[place]
+    return number_of(order if order >= 0 else (-1 - order) | 1 << 31)
+
+
+def order_integer(x: float) -> int:
+    """Order integer of a number."""
+    bits = bits_of(x)
+    return -1 - (bits & 0x7FFFFFFF) if bits >> 31 else bits
 
 
 def direct(column: Column, s: int, f: int, noise: Noise) -> float:
