@@ -5,7 +5,7 @@ PIP_QUIET := --quiet --disable-pip-version-check
 
 SHAPED := $(addprefix tests/,avatar density evaluate flame geometry interchange regions)
 
-.PHONY: demo test quick fuzz shapes lint bench bench-page install clean
+.PHONY: demo test quick fuzz shapes lint bench bench-page install clean peers
 
 demo: install
 	$(BIN)/sacha demo --out out/demo
@@ -39,6 +39,11 @@ bench: install
 bench-page: bench
 	$(BIN)/sacha bench page out/bench --out docs/performance.md
 
+# PlayCanvas' splat-transform, pinned, for `sacha bench codec`: into .peers, with a line that tells the bench where it is.
+peers:
+	npm install --prefix .peers --no-audit --no-fund @playcanvas/splat-transform@3.7.0
+	@echo "export SACHA_SPLAT_TRANSFORM=$(CURDIR)/.peers/node_modules/.bin/splat-transform"
+
 install: .venv/.installed
 
 .venv/.installed: pyproject.toml constraints.txt
@@ -49,6 +54,6 @@ install: .venv/.installed
 	touch $@
 
 clean:
-	rm -rf .venv .venv-bpy* out dist build *.egg-info
+	rm -rf .venv .peers .venv-bpy* out dist build *.egg-info
 
 -include tools/blender.mk

@@ -58,11 +58,15 @@ GROWTH = growth_table("Gaussians and frames")
 
 
 def measure(preset: Preset, report: Report) -> Bench:
-    """Measure the levels on the avatar that was named or a made one, and growth on made ones.
+    """Measure the levels on the avatar that was named or a made one, and growth on made ones; or compare codecs.
 
     Raises:
-        OptionError: the named avatar has no motion.
+        OptionError: a named avatar has no motion, or a codec is missing that must not.
     """
+    if preset.compared is not None:
+        from sacha_core.bench.codec_compare import compare_codecs  # noqa: PLC0415 (other people's codecs, for who asks)
+
+        return compare_codecs(preset.compared, preset, report)
     if preset.subject is None:
         avatar, head = made_avatar(preset.of(400, 20_000, 50_000), n_frames=preset.of(3, 100, 500))
         named = "a made avatar on the synthetic head: painted skin, sizes and harmonics spread as a trained avatar's"

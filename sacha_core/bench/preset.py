@@ -10,7 +10,7 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.flame.model import HeadModel
 from sacha_core.interchange.capture import Capture
 
-__all__ = ["Extent", "Preset", "Subject"]
+__all__ = ["Comparison", "Extent", "Preset", "Subject"]
 
 T = TypeVar("T")
 Extent = Literal["tiny", "quick", "full"]
@@ -32,6 +32,25 @@ class Subject:
 
 
 @dataclass(frozen=True)
+class Comparison:
+    """Avatars to run every codec on.
+
+    Args:
+        subjects: the avatars, each with a motion.
+        only: names of the codecs; none for all there are.
+        require: names of those that must not be missing.
+        sheet: where to put a picture of what each codec makes of an avatar; None for none.
+        truth: a capture of the avatar's person, whose image stands beside it there; None for none.
+    """
+
+    subjects: tuple[Subject, ...]
+    only: tuple[str, ...] = ()
+    require: tuple[str, ...] = ()
+    sheet: Path | None = None
+    truth: Capture | None = None
+
+
+@dataclass(frozen=True)
 class Preset:
     """One run of a bench.
 
@@ -41,6 +60,7 @@ class Preset:
         subject: an avatar to measure on instead of the made one, where a bench takes one (codec, playback).
         film: a capture to train on, with its head, instead of a made one (train).
         seed: of everything random.
+        compared: avatars to compare codecs on (codec).
     """
 
     extent: Extent = "quick"
@@ -48,6 +68,7 @@ class Preset:
     subject: Subject | None = None
     film: tuple[Capture, HeadModel] | None = None
     seed: int = 0
+    compared: Comparison | None = None
 
     def of(self, tiny: T, quick: T, full: T) -> T:
         """Give what belongs to this extent."""

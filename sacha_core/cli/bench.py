@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource, MaybeInt, MaybePath
+from sacha_core.cli.common import Common, FileOption, HeadSource, MaybeInt, MaybePath, MaybeText
 from sacha_core.cli.console import Console, table
 from sacha_core.errors import OptionError
 
 if TYPE_CHECKING:
-    from sacha_core.bench.preset import Preset
+    from sacha_core.bench.preset import Comparison, Preset
     from sacha_core.bench.result import Bench
     from sacha_core.bench.store import Record
 
@@ -37,6 +37,8 @@ class Options:
 
     sacha bench page out/bench                   put the results into the performance page
 
+    sacha bench codec a.ply b.sacha --head rig.npz --motion m.npz --plot rd.png --sheet look.png     our codec beside others
+
     Benches: raster, posing, playback, codec, train, stability, skips, cuda. Candidates are timed turn by turn in one process after a
     warm-up; times are medians.
     """
@@ -44,8 +46,8 @@ class Options:
     what: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="WHAT")]
     """A bench, or `all`, `compare`, `page`."""
 
-    paths: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="[FOLDER ...]")] = ()
-    """compare: the two folders or JSON files; page: the folder."""
+    paths: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="[PATH ...]")] = ()
+    """compare: the two folders or JSON files; page: the folder; codec: avatars (.sacha, model folder, .ply) to run every codec on."""
 
     quick: bool = False
     """Measure less: a minute or so a bench instead of several."""
@@ -63,7 +65,19 @@ class Options:
     """codec, playback: measure on this .sacha file or model folder instead of a made avatar."""
 
     dataset: Annotated[MaybePath, tyro.conf.arg(metavar="DATASET", help_behavior_hint="")] = None
-    """train: measure on this capture instead of one filmed for it."""
+    """train: measure on this capture instead of one filmed for it; codec: show its held-out image in --sheet."""
+
+    motion: FileOption = None
+    """codec: the motion that avatars without one are posed by."""
+
+    codecs: Annotated[MaybeText, tyro.conf.arg(metavar="NAME[,NAME...]", help_behavior_hint="")] = None
+    """codec: only these, such as sacha,hevc,draco."""
+
+    require: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME"), tyro.conf.UseAppendAction] = ()
+    """codec: fail where this codec is missing; may be given more than once."""
+
+    sheet: FileOption = None
+    """codec: also draw what each codec makes of an avatar (PNG) here."""
 
     head: HeadSource = field(default_factory=HeadSource)
     common: Common = field(default_factory=Common)
@@ -109,8 +123,9 @@ def check(options: Options) -> None:
     measuring = (*BENCHES, "all")
     drawn = tuple(name for name, place in BENCHES.items() if place.drawn)
     takers = {
-        "paths": ("compare", "page"), "quick": measuring, "threads": measuring, "plot": drawn, "out": ("all", "page"),
-        "avatar": ("codec", "playback", "all"), "dataset": ("train", "all"),
+        "paths": ("compare", "page", "codec"), "quick": measuring, "threads": measuring, "plot": drawn, "out": ("all", "page"),
+        "avatar": ("codec", "playback", "all"), "dataset": ("train", "codec", "all"),
+        "motion": ("codec",), "codecs": ("codec",), "require": ("codec",), "sheet": ("codec",),
     }  # fmt: skip
     for name, who in takers.items():
         given = getattr(options, name)
@@ -119,8 +134,11 @@ def check(options: Options) -> None:
             raise OptionError(f"bench {options.what} has no use for {shown}")
     if options.threads is not None and options.threads < 1:
         raise OptionError(f"--threads is {options.threads}, expected 1 or more")
+    for name in ("motion", "codecs", "require", "sheet"):
+        if getattr(options, name) and not options.paths:
+            raise OptionError(f"--{name} belongs to a comparison: name avatars after `bench codec`")
     wanted = {"compare": 2, "page": 1}.get(options.what, 0)
-    if len(options.paths) != wanted:
+    if options.what != "codec" and len(options.paths) != wanted:
         raise OptionError(f"bench {options.what} takes {wanted} folder{'s' * (wanted > 1)}, not {len(options.paths)}")
     if options.plot is not None and options.plot.is_dir():
         raise OptionError(f"--plot {options.plot} is a folder; expected the name of a file")
@@ -141,11 +159,39 @@ def preset(options: Options) -> Preset:
     if options.avatar is not None:
         opened = open_avatar(options.avatar, options.head)
         subject = Subject(opened.avatar, opened.head, options.avatar)
+    if options.what == "codec" and options.paths:
+        return Preset("quick" if options.quick else "full", options.threads, compared=comparison_of(options))
     film = None
     if options.dataset is not None:
         capture = read_capture(options.dataset)
         film = (capture, capture_head(capture, options.head))
     return Preset("quick" if options.quick else "full", options.threads, subject, film)
+
+
+def comparison_of(options: Options) -> Comparison:
+    """Open the avatars that codecs are compared on.
+
+    Raises:
+        SachaError: one is broken, its head is not to be found, or there is no motion for it.
+        OSError: a file cannot be read.
+    """
+    from sacha_core.bench.preset import Comparison, Subject
+    from sacha_core.cli.sources import open_avatar
+    from sacha_core.interchange.capture import read_capture
+
+    subjects = []
+    for path in options.paths:
+        is_ply = path.suffix.lower() == ".ply"
+        own = options.head if is_ply or len(options.paths) == 1 else HeadSource(masks=options.head.masks)
+        opened = open_avatar(path, own, options.motion if is_ply else None)
+        if opened.avatar.motion is None and options.motion is not None and not is_ply:
+            opened = open_avatar(path, own, options.motion)
+        if opened.avatar.motion is None:
+            raise OptionError(f"{path} has no motion to be posed by; name one with --motion FILE")
+        subjects.append(Subject(opened.avatar, opened.head, path))
+    truth = None if options.dataset is None else read_capture(options.dataset)
+    only = () if options.codecs is None else tuple(options.codecs.split(","))
+    return Comparison(tuple(subjects), only, options.require, options.sheet, truth)
 
 
 def run_one(name: str, chosen: Preset, console: Console) -> Record:

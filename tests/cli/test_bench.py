@@ -116,6 +116,10 @@ def test_results_are_put_on_a_page(call, benches, tmp_path: Path) -> None:
         (("compare", "missing", "missing"), "missing: no such file or directory"),
         (("train", "--dataset", "missing"), "missing"),
         (("codec", "--avatar", "missing.sacha"), "missing.sacha"),
+        (("codec", "missing.sacha"), "missing.sacha"),
+        (("codec", "--motion", "m.npz"), "--motion belongs to a comparison: name avatars after `bench codec`"),
+        (("codec", "--require", "draco"), "--require belongs to a comparison"),
+        (("raster", "--sheet", "s.png"), "bench raster has no use for --sheet"),
     ],
 )
 def test_requests_that_make_no_sense_get_one_line(call, tmp_path: Path, monkeypatch, arguments, expected: str) -> None:

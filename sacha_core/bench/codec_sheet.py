@@ -1,0 +1,171 @@
+"""A picture of what codecs make of an avatar: ours at each level, then each of the others at the bytes of our second level, with errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.bench.codec_scene import COVERED, Scene, cameras_of, own_psnr
+from sacha_core.bench.preset import Subject
+from sacha_core.evaluate.peers.ours import NAME as OURS
+from sacha_core.evaluate.peers.registry import find_peer
+from sacha_core.evaluate.sheet import Panel, write_sheet
+from sacha_core.flame.posing import Poser
+from sacha_core.geometry.triangle import TriangleFrames, triangle_frames
+from sacha_core.interchange.capture import Capture
+from sacha_core.perception.flip import flip_map
+from sacha_core.perception.flip import missing as flip_lacks
+from sacha_core.raster.camera import Camera
+from sacha_core.raster.rasteriser import Rasteriser
+from sacha_core.raster.scene import render_avatar
+
+if TYPE_CHECKING:
+    from sacha_core.bench.codec_compare import Judged
+
+__all__ = ["draw_sheet"]
+
+KB = 1000
+GAIN = 8.0  # of errors, so that a step of an eighth of the range is full
+MARGIN = 6  # pixels around the avatar
+LEVEL = "level 2"  # whose bytes the others are shown at
+FRONT = 3  # camera of the protocol that sees the face
+STRIDE = 2  # pixels of the picture to one of the sheet
+
+
+@dataclass(frozen=True)
+class Look:
+    """Where the avatar is looked at from, and what is seen.
+
+    Args:
+        draw: gives the picture of some Gaussians.
+        uncompressed: (h, w, 3) in [0, 1].
+        own: (h, w) the avatar's own pixels.
+        box: rows and columns around them.
+        captured: (h, w, 3) of the capture; None without one.
+    """
+
+    uncompressed: Float[np.ndarray, "h w 3"]
+    own: Bool[np.ndarray, "h w"]
+    box: tuple[slice, slice]
+    captured: Float[np.ndarray, "h w 3"] | None
+
+
+def draw_sheet(
+    path: Path,
+    name: str,
+    subject: Subject,
+    scene: Scene,
+    judged: Sequence[Judged],
+    rasteriser: Rasteriser,
+    truth: Capture | None,
+) -> None:
+    """Draw the avatar as uncompressed, at each of our levels and through each codec, with a row of error maps under each row.
+
+    Raises:
+        OSError: the picture cannot be written.
+    """
+    pose, camera, captured = view_of(subject, scene, truth)
+
+    def draw(gaussians: Gaussians) -> tuple[Float[np.ndarray, "h w 3"], Float[np.ndarray, "h w"]]:
+        drawn = render_avatar(gaussians, pose, camera, rasteriser=rasteriser)
+        return np.clip(drawn.colour, 0, 1), drawn.alpha
+
+    uncompressed, alpha = draw(scene.gaussians)
+    look = Look(uncompressed, alpha > COVERED, box_of(alpha > COVERED), captured)
+    ours = [
+        one
+        for one in judged
+        if one.trial.peer == OURS
+        and one.trial.setting.name.removeprefix("level ") in {"1", "2", "3", "4"}
+        and one.scores
+    ]
+    size = next((one.trial.n_bytes for one in ours if one.trial.setting.name == LEVEL), None)
+    others = nearest(judged, size) if size is not None else []
+    first = [] if captured is None else [Panel(cut(captured, look.box), "captured", ("",))]
+    first.append(Panel(cut(uncompressed, look.box), "uncompressed", (f"{name}, {len(scene.gaussians):,} Gaussians",)))
+    blank = np.ones_like(cut(uncompressed, look.box))
+    rows = []
+    for shown, before in ((ours, first), (others, [])):
+        pictures = [draw(one.trial.gaussians)[0] for one in shown if one.trial.gaussians is not None]
+        panels = [panel_of(one, picture, look) for one, picture in zip(shown, pictures, strict=True)]
+        errors = [error_panel(picture, look) for picture in pictures]
+        if panels or before:
+            rows += [[*before, *panels], [*(Panel(blank, "", ("",)) for _ in before), *errors]]
+    write_sheet(path, rows)
+
+
+def view_of(
+    subject: Subject, scene: Scene, truth: Capture | None
+) -> tuple[TriangleFrames, Camera, Float[np.ndarray, "h w 3"] | None]:
+    """Give pose and camera: those of the first held-out image of a capture, or the protocol's front camera in the middle of the motion."""
+    if truth is None or not truth.val:
+        cameras = cameras_of(scene.gaussians, subject.head, 1.0 if scene.cameras[0].width > 400 else 0.2)
+        return scene.poses[len(scene.poses) // 2], cameras[FRONT], None
+    view = truth.val[len(truth.val) // 2]
+    motion = subject.avatar.motion
+    assert motion is not None
+    frames = triangle_frames(Poser(subject.head, motion)(min(view.timestep, len(motion) - 1)), subject.head.faces)
+    return frames, view.camera, truth.image(view).astype(np.float32) / 255
+
+
+def nearest(judged: Sequence[Judged], n_bytes: int) -> list[Judged]:
+    """Give of each other lossy codec the best point of at most a tenth more bytes than asked for, or else its smallest."""
+    found = []
+    for name in dict.fromkeys(one.trial.peer for one in judged):
+        points = [one for one in judged if one.trial.peer == name and one.scores is not None]
+        if name == OURS or not points:
+            continue
+        small = [one for one in points if one.trial.n_bytes <= 1.1 * n_bytes]
+        best = max(small, key=lambda one: one.scores.psnr) if small else min(points, key=lambda one: one.trial.n_bytes)  # type: ignore[union-attr]
+        found.append(best)
+    return found
+
+
+def panel_of(one: Judged, picture: Float[np.ndarray, "h w 3"], look: Look) -> Panel:
+    """Set a picture with its bytes and its figures."""
+    ratio = own_psnr(picture, look.uncompressed, look.own)
+    flip = (
+        "" if flip_lacks() is not None else f", FLIP {float(flip_map(picture, look.uncompressed)[look.own].mean()):.4f}"
+    )
+    ours = one.trial.peer == OURS
+    title = f"{find_peer(one.trial.peer).title}{f', {one.trial.setting.name}' if ours else ''}"
+    assert one.scores is not None
+    setting = "" if ours else f", {one.trial.setting.name}"
+    lines = (
+        f"{one.trial.n_bytes / KB:.1f} KB{setting}",
+        f"here {ratio:.1f} dB{flip}",
+        f"all pictures {one.scores.psnr:.1f} dB",
+    )
+    return Panel(cut(picture, look.box), title, lines)
+
+
+def error_panel(picture: Float[np.ndarray, "h w 3"], look: Look) -> Panel:
+    """Set the error of a picture, enlarged, on black."""
+    error = np.clip(GAIN * np.abs(picture - look.uncompressed), 0, 1)
+    return Panel(cut(error, look.box), "", (f"error x {GAIN:.0f}",))
+
+
+def box_of(own: Bool[np.ndarray, "h w"]) -> tuple[slice, slice]:
+    """Give rows and columns around the avatar."""
+    spans = []
+    for axis in (1, 0):
+        places = np.flatnonzero(own.any(axis=axis))
+        first, last = (int(places[0]), int(places[-1]) + 1) if len(places) else (0, own.shape[1 - axis])
+        spans.append(slice(max(first - MARGIN, 0), last + MARGIN))
+    return spans[0], spans[1]
+
+
+def cut(image: Float[np.ndarray, "h w 3"], box: tuple[slice, slice]) -> Float[np.ndarray, "h w 3"]:
+    """Cut the avatar out, halved where it is large, by the mean of blocks of pixels."""
+    part = image[box]
+    if part.shape[1] < 200:
+        return part
+    h, w = (side // STRIDE * STRIDE for side in part.shape[:2])
+    blocks = part[:h, :w].reshape(h // STRIDE, STRIDE, w // STRIDE, STRIDE, 3)
+    return np.asarray(blocks.mean(axis=(1, 3)))

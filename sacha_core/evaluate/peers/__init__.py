@@ -1,0 +1,1 @@
+"""Other people's codecs, one file each, on the avatars that ours is measured on."""
