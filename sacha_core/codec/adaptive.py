@@ -20,6 +20,8 @@ from sacha_core.errors import FormatError
 
 __all__ = ["AdaptiveDecoder", "AdaptiveEncoder", "Kernels", "compiled_kernels", "kernels_for", "last_bytes"]
 
+COMPILED = "sacha_core.codec.kernels.compiled"
+COMPILED_FROM_LOADED = 40  # where the compiled loops are there already
 COMPILED_FROM = 200_000  # below this, plain Python is done before Numba is imported
 COMPILED_FROM_WITH_NUMBA = (
     1000  # where it is imported already; below this, plain Python is done before the loops come from the cache
@@ -44,7 +46,8 @@ def compiled_kernels() -> Kernels | None:
 def kernels_for(n_integers: int, compiled: bool | None) -> Kernels | None:
     """Choose the loops for a job of so many integers; None stands for plain Python."""
     if compiled is None:
-        compiled = n_integers >= (COMPILED_FROM_WITH_NUMBA if "numba" in sys.modules else COMPILED_FROM)
+        enough = COMPILED_FROM_WITH_NUMBA if "numba" in sys.modules else COMPILED_FROM
+        compiled = n_integers >= (COMPILED_FROM_LOADED if COMPILED in sys.modules else enough)
     return compiled_kernels() if compiled else None
 
 

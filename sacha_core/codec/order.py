@@ -98,9 +98,11 @@ def weighted_mean(
     """Mean of the values at `rows` by trust, halves up; 0 where there is no trust."""
     shape = (len(rows),) + (1,) * (values.ndim - 1)
     total = np.full((len(rows), *values.shape[1:]), FULL_TRUST // 2, np.int64)
-    for column in range(rows.shape[1]):  # column by column is faster than an axis of four
-        total += values[rows[:, column]] * trust[:, column].reshape(shape)
-    return total >> TRUST_BITS
+    if trust.any():
+        for column in range(rows.shape[1]):  # column by column is faster than an axis of four
+            total += values.take(rows[:, column], axis=0) * trust[:, column].reshape(shape)
+    total >>= TRUST_BITS
+    return total
 
 
 def layout_by_triangle(counts: Int[np.ndarray, " f"], template: Template) -> Layout:

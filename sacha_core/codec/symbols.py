@@ -186,7 +186,12 @@ class SymbolReader:
             raise reader.error(f"{n_tables} tables, at most {MAX_TABLES} are allowed")
         offset = reader.offset
         self._table_of, self._tables = read_tables(reader.take(table_bytes), n_contexts, n_tables, offset)
+        self._table_of = self._table_of.astype(np.uint8)  # 64 tables fit, and sort faster
         self._models = [make_model(grades) for _, grades in self._tables]
+        self._firsts = np.array([first for first, _ in self._tables], np.int64)
+        self._single = [len(grades) == 1 for _, grades in self._tables]  # have a weight that stands for no token
+        direct = token_split.DIRECT
+        self._far = any(first <= -direct or first + len(grades) > direct for first, grades in self._tables)
         self._bits = np.unpackbits(np.frombuffer(reader.take(bit_bytes), np.uint8))
         self._bits_used = 0
         raw = reader.take(reader.left)
@@ -202,26 +207,29 @@ class SymbolReader:
         flat = contexts.reshape(-1)
         if flat.size and not self._tables:
             raise self._reader.error(f"{flat.size} symbols are due, but there is no table")
-        table_of = self._table_of[flat]
-        order = np.argsort(
-            table_of.astype(np.uint8), kind="stable"
-        )  # by table, whose tokens lie together; 64 tables fit
-        by_table = np.zeros(flat.size, np.int64)
-        start = 0
-        for table, count in enumerate(np.bincount(table_of, minlength=len(self._models)).tolist()):
-            if count:
-                first, grades = self._tables[table]
-                symbols = self._coder.decode(self._models[table], count)
-                if symbols.max() >= len(grades):
-                    raise self._reader.error(f"a token beyond the last of table {table}")
-                np.add(symbols, first, out=by_table[start : start + count])
-                start += count
-        values = np.empty(flat.size, np.int64)
-        values[order] = by_table
-        split = np.flatnonzero(np.abs(values) >= token_split.DIRECT)  # most values are a token alone
-        if len(split):
-            values[split] = self._joined(values[split])
+        values = self._read_tokens(flat)
+        if self._far:
+            split = np.flatnonzero(np.abs(values) >= token_split.DIRECT)  # most values are a token alone
+            if len(split):
+                values[split] = self._joined(values[split])
         return values.reshape(contexts.shape)
+
+    def _read_tokens(self, contexts: Int[np.ndarray, " m"]) -> Int[np.ndarray, " m"]:
+        """Read a token for each context; those of a table lie together."""
+        table_of = self._table_of[contexts]
+        counts = np.bincount(table_of, minlength=len(self._models))
+        by_table = np.repeat(self._firsts, counts)
+        start = 0
+        for table in np.flatnonzero(counts).tolist():
+            end = start + int(counts[table])
+            symbols = self._coder.decode(self._models[table], end - start)
+            if self._single[table] and symbols.any():
+                raise self._reader.error(f"a token beyond the last of table {table}")
+            by_table[start:end] += symbols
+            start = end
+        tokens = np.empty(len(contexts), np.int64)
+        tokens[np.argsort(table_of, kind="stable")] = by_table
+        return tokens
 
     def _joined(self, tokens: Int[np.ndarray, " m"]) -> Int[np.ndarray, " m"]:
         """Give the integers of tokens that raw bits follow."""

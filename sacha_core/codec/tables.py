@@ -52,7 +52,7 @@ def count_bits(counts: Float[np.ndarray, "... a"]) -> Float[np.ndarray, "..."]:
 
 def write_tables(table_of: Int[np.ndarray, " c"], tables: list[tuple[int, Int[np.ndarray, "..."]]]) -> bytes:
     """Write which table each context uses, then the tables, each as its first token and its grades."""
-    coder = AdaptiveEncoder(N_CONTEXTS)
+    coder = AdaptiveEncoder(N_CONTEXTS, expected=len(table_of) + sum(len(grades) for _, grades in tables))
     coder.write(np.diff(table_of, prepend=0), np.full(len(table_of), CHOICE_CONTEXT))
     for first, grades in tables:
         steps = np.diff(grades, prepend=0)
