@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from reference_axes import Axes, Quaternion, likeness, product
 from reference_motion import dynamic_of, static_of
 from reference_places import Head, Pass, Trusted, all_passes, first_passes, known_head, mean, unknown_head
 from reference_profiles import archive_gaussians, archive_motion, paper_gaussians, paper_motion, rgb_of
@@ -17,7 +18,6 @@ from reference_streams import AdaptiveIntegers, Fields, Tokens, sections_of
 STEP = [math.isqrt(math.isqrt(math.isqrt(1 << e))) for e in range(224)]
 COUNT_BOUNDS = (1, 4, 8, 12, 16, 20, 24, 32, 40, 48, 64, 96, 128, 256, 512)
 Classes = tuple[int, int, int, int]  # T, Z, E, H
-Quaternion = tuple[float, float, float, float]
 
 
 class Rule:
@@ -92,14 +92,17 @@ def predicted(
     """Section "Predicted values": of each row its components."""
     centre = fields.read(f"{width}q")
     weights = [[fields.read(f"{width}b") for _ in range(2)] for _ in range(4)]
-    values = [[0] * n for _ in range(width)]
+    across = [fields.read(f"{i}b") for i in range(width)]
+    values, off_prediction = [[0] * n for _ in range(width)], [[0] * n for _ in range(width)]
 
     def take(one: Pass, i: int, off: list[int]) -> None:
         fresh = []
         for row, near, mates, difference in zip(one.rows, one.near, one.mates, off, strict=True):
             terms = [mean(values[i], known) - centre[i] if known else 0 for known in (near, mates)]
             total = sum(term * weights[one.kind][k][i] for k, term in enumerate(terms))
-            fresh.append((row, centre[i] + ((total + 32) >> 6) + difference))
+            by_others = sum(off_prediction[c][row] * across[i][c] for c in range(i))
+            off_prediction[i][row] = ((by_others + 32) >> 6) + difference
+            fresh.append((row, centre[i] + ((total + 32) >> 6) + off_prediction[i][row]))
         for row, value in fresh:
             values[i][row] = value
 
@@ -118,9 +121,22 @@ def hidden_of(data: bytes, passes: list[Pass], n: int) -> list[int]:
 def opacity_of(data: bytes, passes: list[Pass], hidden: list[int], slot: list[int]) -> tuple[list[float], list[int]]:
     """Section "Opacity": logits and transparency classes; `slot` tells the first Gaussian of the slot of each."""
     fields = Fields(data)
-    u, start, of_hidden = fields.read("HHB")
-    tokens, index = Tokens(fields.take(), 256), [0] * len(hidden)
+    u, of_hidden, kind = fields.read("HBB")
     spacing = [min(STEP[min(of_hidden * h, 223)], u) for h in hidden]
+    if kind == 1:
+        values = predicted(fields, passes, len(hidden), 1, lambda row, _: spacing[row])
+        index = [min(max(value, 0), u) for (value,) in values]
+    else:
+        index = fallen_of(fields, passes, u, spacing, slot)
+    angles = [math.pi / 2 * max(0.25, min(i, u - 0.25)) / u for i in index]
+    logits = [0.0 if 2 * i == u else 2 * math.log(math.tan(angle)) for i, angle in zip(index, angles, strict=True)]
+    return logits, [min(round(-2 * math.log2(math.sin(angle) ** 2)), 24) for angle in angles]
+
+
+def fallen_of(fields: Fields, passes: list[Pass], u: int, spacing: list[int], slot: list[int]) -> list[int]:
+    """Opacity of kind 0: indices that fall within a slot."""
+    (start,) = fields.read("H")
+    tokens, index = Tokens(fields.take(), 256), [0] * len(spacing)
     for number, one in enumerate(passes):
         if one.kind == 3:
             low = min(row - slot[row] for row in one.rows)
@@ -128,83 +144,18 @@ def opacity_of(data: bytes, passes: list[Pass], hidden: list[int], slot: list[in
         else:
             expected = [mean(index, near) if number else start for near in one.near]
         octaves = [0 if s == 1 else 1 if s <= 3 else 2 if s <= 7 else 3 for s in (spacing[row] for row in one.rows)]
-        integers = tokens.batch(
-            [(one.kind * 4 + o) * 16 + min(16 * x // u, 15) for o, x in zip(octaves, expected, strict=True)]
-        )
-        for row, x, integer in zip(one.rows, expected, integers, strict=True):
+        contexts = [(one.kind * 4 + o) * 16 + min(16 * x // u, 15) for o, x in zip(octaves, expected, strict=True)]
+        for row, x, integer in zip(one.rows, expected, tokens.batch(contexts), strict=True):
             index[row] = index[row - 1] - integer * spacing[row] if one.kind == 3 else x + integer * spacing[row]
     tokens.end()
-    angles = [math.pi / 2 * max(0.25, min(i, u - 0.25)) / u for i in index]
-    logits = [0.0 if 2 * i == u else 2 * math.log(math.tan(angle)) for i, angle in zip(index, angles, strict=True)]
-    return logits, [min(round(-2 * math.log2(math.sin(angle) ** 2)), 24) for angle in angles]
+    return index
 
 
-def scales_of(data: bytes, passes: list[Pass], classes: list[Classes]) -> list[tuple[int, int, int]]:
+def scales_of(data: bytes, passes: list[Pass], classes: list[Classes]) -> list[list[int]]:
     """Section "Scale": l1, l2, l3 of each Gaussian."""
-    fields, parts = Fields(data), []
-    for _ in range(3):
-        rule = Rule(fields)
-        part = Fields(fields.take(*fields.read("I")))
-        steps = [rule.step(one) for one in classes]
-        parts.append(predicted(part, passes, len(classes), 1, lambda row, _, steps=steps: steps[row]))
-    return [(a, a - b, a - b - c) for (a,), (b,), (c,) in zip(*parts, strict=True)]
-
-
-class Axes:
-    """Section "Axes": of a triangle, from its corners on the grid."""
-
-    def __init__(self, corners: list[tuple[int, int, int]] | None) -> None:
-        self.columns: list[Sequence[float]] = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
-        self.scale = 1.0
-        if corners is None:
-            return
-        e, d = ([y - x for x, y in zip(corners[0], end, strict=True)] for end in corners[1:])
-        m = [e[1] * d[2] - e[2] * d[1], e[2] * d[0] - e[0] * d[2], e[0] * d[1] - e[1] * d[0]]
-        length, area = (math.sqrt((float(x * x) + float(y * y)) + float(z * z)) for x, y, z in (e, m))
-        if area:
-            a, b = [x / length for x in e], [x / area for x in m]
-            third = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-            self.columns, self.scale = [a, b, third], (length + area / length) * 0.5
-
-    def at(self, i: int, j: int) -> float:
-        """R_ij."""
-        return self.columns[j][i]
-
-    def quaternion(self) -> Quaternion:
-        """The same turn."""
-        r = self.at
-        squares = [1 + r(0, 0) + r(1, 1) + r(2, 2), 1 + r(0, 0) - r(1, 1) - r(2, 2)]
-        squares += [1 - r(0, 0) + r(1, 1) - r(2, 2), 1 - r(0, 0) - r(1, 1) + r(2, 2)]
-        row = squares.index(max(squares))
-        t = math.sqrt(squares[row])
-        own = t * t
-        a, b, c = r(2, 1) - r(1, 2), r(0, 2) - r(2, 0), r(1, 0) - r(0, 1)
-        d, e, f = r(1, 0) + r(0, 1), r(0, 2) + r(2, 0), r(2, 1) + r(1, 2)
-        chosen = ((own, a, b, c), (a, own, d, e), (b, d, own, f), (c, e, f, own))[row]
-        return tuple(one / (2 * t) for one in chosen)
-
-
-def product(p: Quaternion, q: Quaternion) -> Quaternion:
-    """Product of two quaternions."""
-    w, x, y, z = p
-    s, i, j, k = q
-    return (
-        w * s - x * i - y * j - z * k,
-        w * i + x * s + y * k - z * j,
-        w * j - x * k + y * s + z * i,
-        w * k + x * j - y * i + z * s,
-    )
-
-
-def likeness(q: Quaternion, r: Quaternion) -> Quaternion:
-    """Likeness of q to r."""
-    w, x, y, z = q
-    best, largest = q, -1.0
-    for one in (q, (-x, w, z, -y), (-y, -z, w, x), (-z, y, -x, w)):
-        dot = one[0] * r[0] + one[1] * r[1] + one[2] * r[2] + one[3] * r[3]
-        if abs(dot) > largest:
-            best, largest = tuple(-c for c in one) if dot < 0 else one, abs(dot)
-    return best
+    fields = Fields(data)
+    rules = [Rule(fields) for _ in range(3)]
+    return predicted(fields, passes, len(classes), 3, lambda row, i: rules[i].step(classes[row]))
 
 
 def rotations_of(data: bytes, passes: list[Pass], classes: list[Classes], axes: list[Axes]) -> list[Quaternion]:
@@ -263,9 +214,7 @@ def positions_of(
     fields = Fields(data)
     (domain,) = fields.read("B")
     rule = Rule(fields)
-    exponents = [
-        rule.base + rule.shift(one) - (0 if domain else 4 * size) for one, size in zip(classes, z, strict=True)
-    ]
+    exponents = [rule.base + rule.shift(one) - (0 if domain else size) for one, size in zip(classes, z, strict=True)]
     values = predicted(fields, passes, len(classes), 3, lambda row, _: STEP[min(max(exponents[row], 0), 223)])
     if not domain:
         return [[value * 2.0**-16 for value in row] for row in values]
@@ -276,9 +225,68 @@ def positions_of(
     return found
 
 
-def harmonics_of(data: bytes, degree: int, classes: list[Classes]) -> list[list[tuple[float, float, float]]]:
+class Harmonics:
+    """Section "Harmonic": what precedes its tokens."""
+
+    def __init__(self, fields: Fields, k: int) -> None:
+        self.rule = Rule(fields)
+        self.functions = fields.read("3B")
+        f = max(self.functions)
+        self.shares = [fields.read("3b") for _ in range(3)]
+        self.coefficients = [fields.read(f"{k}b") for _ in range(f)]
+        self.exponents = fields.read(f"{f}b")
+        self.components = [(one, a) for one in range(f) for a in range(3) if one < self.functions[a]]
+        c = len(self.components)
+        self.weights = [[fields.read(f"{c}b") for _ in range(2)] for _ in range(2)]
+        self.a = [fields.read("4B") for _ in range(2)]
+        self.floors = fields.read(f"{c}B")
+        self.tokens = Tokens(fields.take(), 96)
+
+    def context(self, t: int, scale: int, features: list[int], group: int, i: int) -> int:
+        """Context of component i."""
+        weighed = sum(a * feature for a, feature in zip(self.a[group], features, strict=True))
+        estimate = STEP[self.floors[i]] + (weighed // scale >> 2)
+        return min(t, 3) * 24 + sum(STEP[e] <= estimate for e in range(20, 109, 4))
+
+
+def harmonics_of(data: bytes, degree: int, passes: list[Pass], classes: list[Classes]) -> list[list[list[float]]]:
     """Section "Harmonic": coefficients of each Gaussian."""
-    raise NotImplementedError
+    k, n = (degree + 1) ** 2 - 1, len(classes)
+    told = Harmonics(Fields(data), k)
+    values, sizes = ([[0] * n for _ in told.components] for _ in range(2))
+    shifts = [told.rule.shift(one) for one in classes]
+    scales = [STEP[64 + min(shift - told.rule.low, 127)] for shift in shifts]
+    for one in passes:
+        group = int(one.kind == 3)
+        for i, (f, axis) in enumerate(told.components):
+            contexts = []
+            for row, near, mates in zip(one.rows, one.near, one.mates, strict=True):
+                features = [sum(trust * sizes[i][other] for other, trust in known) for known in (near, mates)]
+                features.append(64 * sum(sizes[c][row] for c in range(i) if told.components[c][1] == axis))
+                features.append(64 * sum(sizes[c][row] for c in range(i) if told.components[c][0] == f))
+                contexts.append(told.context(classes[row][0], scales[row], features, group, i))
+            fresh = []
+            for row, near, mates, integer in zip(
+                one.rows, one.near, one.mates, told.tokens.batch(contexts), strict=True
+            ):
+                total = sum(
+                    mean(values[i], known) * told.weights[group][term][i] for term, known in enumerate((near, mates))
+                )
+                step = STEP[told.rule.base + shifts[row] + told.exponents[f]]
+                fresh.append((row, ((total + 32) >> 6) + integer * step))
+                sizes[i][row] = min(abs(integer) * scales[row], 1 << 28)
+            for row, value in fresh:
+                values[i][row] = value
+    told.tokens.end()
+
+    def colour(row: int, j: int, channel: int) -> float:
+        parts = enumerate(told.components)
+        return (
+            sum(values[i][row] * told.coefficients[f][j] * told.shares[axis][channel] for i, (f, axis) in parts)
+            * 2.0**-28
+        )
+
+    return [[[colour(row, j, channel) for channel in range(3)] for j in range(k)] for row in range(n)]
 
 
 def gaussians_of(sections: dict[str, bytes], degree: int, head: Head) -> dict[str, np.ndarray]:
@@ -299,8 +307,7 @@ def gaussians_of(sections: dict[str, bytes], degree: int, head: Head) -> dict[st
         (t, (a + b) * 189093 >> 29, max((a - b) * 189093 >> 28, 0), h)
         for (t, h), (a, b, _) in zip(seen, scales, strict=True)
     ]
-    corners = [head.corners[face] if head.corners else None for face in binding]
-    axes = [Axes(one) for one in corners]
+    corners, axes = [head.corners[face] for face in binding], [head.axes[face] for face in binding]
     starts: list[Sequence[float]] = [(0.0, 0.0, 0.0)] * n
     if by_vertex:
         starts = [
@@ -310,8 +317,8 @@ def gaussians_of(sections: dict[str, bytes], degree: int, head: Head) -> dict[st
     fields = Fields(sections["Colour"])
     colour = [Rule(fields) for _ in range(3)]
     yuv = predicted(fields, passes, n, 3, lambda row, i: colour[i].step(classes[row]))
-    rest = harmonics_of(sections["Harmonic"], degree, classes) if degree else []
-    log_scales = [[(x - (size * 363409 >> 8)) * 2.0**-12 for x in scale] for size, scale in zip(z, scales, strict=True)]
+    rest = harmonics_of(sections["Harmonic"], degree, passes, classes) if degree else []
+    log_scales = [[(x - (size * 90852 >> 8)) * 2.0**-12 for x in scale] for size, scale in zip(z, scales, strict=True)]
     return {
         "position": np.array(positions_of(sections["Position"], passes, classes, z, axes, starts)).reshape(n, 3),
         "log_scale": np.array(log_scales).reshape(n, 3),

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
+from reference_axes import Axes, Point
 
-Point = tuple[int, int, int]
 Trusted = list[tuple[int, int]]  # row and trust of each neighbour or mate
 
 
@@ -38,12 +38,14 @@ class Head:
         vertices: as places, None without the head.
         z: size class of each triangle.
         corners: grid coordinates of the corners of each triangle.
+        axes: of each triangle.
     """
 
     triangles: Places
     vertices: Places | None
     z: list[int]
-    corners: list[list[Point]] = field(default_factory=list)
+    corners: list[list[Point]]
+    axes: list[Axes]
 
 
 def curve_index(cell: Sequence[int]) -> int:
@@ -91,13 +93,13 @@ def reordered(
     )
 
 
-def size_classes(corners: list[list[Point]]) -> list[int]:
+def size_classes(scales: list[float]) -> list[int]:
     """Step 4."""
     classes = []
-    for p, q, r in corners:
-        (ax, ay, az), (bx, by, bz) = ([y - x for x, y in zip(p, end, strict=True)] for end in (q, r))
-        x, y, z = float(ay * bz - az * by), float(az * bx - ax * bz), float(ax * by - ay * bx)
-        classes.append(math.frexp((x * x + y * y) + z * z)[1] >> 1)
+    for k in scales:
+        squared = k * k
+        fourth = squared * squared
+        classes.append(math.frexp(fourth * fourth)[1])
     middle = sorted(classes)[len(classes) // 2]
     return [one - middle for one in classes]
 
@@ -128,7 +130,9 @@ def known_head(vertices: np.ndarray, faces: np.ndarray) -> Head:
         beside.append(others)
     order = sorted(range(len(cells)), key=lambda face: (curve_index(cells[face]), face))
     places = reordered(order, list(range(len(triangles))), sums, beside, [False] * len(triangles))
-    return Head(places, vertices_of(grid, triangles, edges, counted, edge_of), size_classes(corners), corners)
+    axes = [Axes(three) for three in corners]
+    z = size_classes([one.scale for one in axes])
+    return Head(places, vertices_of(grid, triangles, edges, counted, edge_of), z, corners, axes)
 
 
 def vertices_of(grid: list[Point], triangles: list[list[int]], edges: list, counted: dict, edge_of: dict) -> Places:
@@ -158,7 +162,7 @@ def vertices_of(grid: list[Point], triangles: list[list[int]], edges: list, coun
 def unknown_head(f: int) -> Head:
     """Places of a file without flag 2."""
     triangles = Places(list(range(f)), [(i, 0, 0) for i in range(f)], [[] for _ in range(f)], [False] * f)
-    return Head(triangles, None, [0] * f)
+    return Head(triangles, None, [0] * f, [[(0, 0, 0)] * 3] * f, [Axes([(0, 0, 0)] * 3)] * f)
 
 
 def nearest(places: Places, x: int, known: set[int]) -> Trusted:
