@@ -35,7 +35,7 @@ __all__ = [
 
 COARSE, FINE, FINEST, MATES = 0, 1, 2, 3
 KINDS = 4
-MATES_SEEN = 4
+MATES_SEEN = 8
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ def passes_of_firsts(
     for kind, slot in groups:
         if len(slot):
             near, trust = nearest_known(places, known, occupied[slot])
-            nothing = np.zeros((len(slot), MATES_SEEN), np.int64)
+            nothing = np.zeros((len(slot), 0), np.int64)
             yield Pass(kind, firsts[slot], row_of[near], trust, nothing, nothing, slot, np.zeros_like(slot))
             known[occupied[slot]] = True
 
@@ -202,8 +202,9 @@ def passes_of_mates(
         rows = np.sort(by_rank[ends[low] : ends[min(low + width, most)]])
         slot = slots[rows]
         at = np.searchsorted(crowded, slot)
-        mates = firsts[slot][:, None] + np.maximum(low - 1 - np.arange(MATES_SEEN), 0)
-        mate_trust = np.broadcast_to(even_trust(min(low, MATES_SEEN)), mates.shape)
+        share = even_trust(min(low, MATES_SEEN))
+        mates = firsts[slot][:, None] + low - 1 - np.arange(len(share))
+        mate_trust = np.broadcast_to(share, mates.shape)
         yield Pass(MATES, rows, near[at], trust[at], mates, mate_trust, slot, ranks[rows])
         low += width
 
@@ -221,8 +222,7 @@ def firsts_nearby(
 
 
 def even_trust(n_mates: int) -> Int[np.ndarray, " j"]:
-    """Split full trust among the first `n_mates` of the mates seen, the first of them getting what does not divide."""
-    trust = np.zeros(MATES_SEEN, np.int64)
-    trust[:n_mates] = FULL_TRUST // n_mates
+    """Split full trust among mates, the first of them getting what does not divide."""
+    trust = np.full(n_mates, FULL_TRUST // n_mates)
     trust[0] += FULL_TRUST - trust.sum()
     return trust
