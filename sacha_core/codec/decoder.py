@@ -115,9 +115,10 @@ def open_stream(source: Source, *, head: HeadModel | None = None) -> AvatarStrea
     data = read_source(source)
     _, sections = sections_of(data)
     header = read_header(data, sections)
-    gaussians = read_gaussians(sections, header, find_template(sections, header, head))
+    template = find_template(sections, header, head)
+    gaussians = read_gaussians(sections, header, template)
     gaussians.validate(header.head.n_faces)
-    return AvatarStream(gaussians, header.head, read_motion(sections, header), header.scheme)
+    return AvatarStream(gaussians, header.head, read_motion(sections, header, template), header.scheme)
 
 
 def read_gaussians(sections: dict[str, Section], header: Header, template: Template) -> Gaussians:
@@ -174,7 +175,7 @@ def decode_gaussians(sections: dict[str, Section], header: Header, template: Tem
     )
 
 
-def read_motion(sections: dict[str, Section], header: Header) -> MotionReader | WholeMotion | None:
+def read_motion(sections: dict[str, Section], header: Header, template: Template) -> MotionReader | WholeMotion | None:
     """Read what the motion says once and where its groups lie, or give None where the file has none."""
     if not header.has_motion:
         return None
@@ -182,7 +183,7 @@ def read_motion(sections: dict[str, Section], header: Header) -> MotionReader | 
         return WholeMotion(decode_archive_motion(sections, header))
     if header.profile == PAPER:
         return WholeMotion(decode_paper_motion(sections, header))
-    shape, static_offset = decode_static(need(sections, "Static").reader(), header.n_shape, header.n_offsets)
+    shape, static_offset = decode_static(need(sections, "Static").reader(), header.n_shape, header.n_offsets, template)
     dynamic = need(sections, "Motion").reader()
     motion = MotionReader(dynamic, header.n_frames, header.n_expression, shape, static_offset)
     motion.still().validate()

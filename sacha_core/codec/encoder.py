@@ -119,7 +119,7 @@ def encode_traced(
     made = (chosen.number, len(gaussians), gaussians.sh_degree, avatar.head, avatar.scheme)
     header = Header(*made, needs_head=head is not None)
     if avatar.motion is not None:
-        header, motion_sections = add_motion(header, avatar, chosen, group_frames, head)
+        header, motion_sections = add_motion(header, avatar, chosen, group_frames, head, template)
         sections = [motion_sections[0], *sections, motion_sections[1]]
     if embed_head and head is not None:
         sections.append(Section("head", encode_head(head)))
@@ -238,7 +238,7 @@ def raise_thin_axes(log_scale: Float[np.ndarray, "n 3"], max_thinness: float) ->
 
 
 def add_motion(
-    header: Header, avatar: Avatar, level: Level, group_frames: int, head: HeadModel | None
+    header: Header, avatar: Avatar, level: Level, group_frames: int, head: HeadModel | None, template: Template
 ) -> tuple[Header, list[Section]]:
     """Code the motion; give the header that tells of it, and its static and its dynamic section.
 
@@ -253,7 +253,7 @@ def add_motion(
     told = header.telling(motion)
     check_offsets(told)
     try:
-        static = encode_static(motion.shape, motion.static_offset, level.shape_step, level.offset_step)
+        static = encode_static(motion.shape, motion.static_offset, level.shape_step, level.offset_step, template)
         products = None if head is None else displacement_products(head, motion)
         dynamic = encode_motion(motion, level, group_frames, products)
     except OverflowError as fault:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from reference_axes import Axes, Quaternion, likeness, product
 from reference_motion import dynamic_of, static_of
-from reference_places import Head, Pass, Trusted, all_passes, first_passes, known_head, mean, unknown_head
+from reference_places import Head, Pass, Places, Trusted, all_passes, first_passes, known_head, mean, unknown_head
 from reference_profiles import archive_gaussians, archive_motion, paper_gaussians, paper_motion, rgb_of
 from reference_streams import AdaptiveIntegers, Fields, Tokens, sections_of
 
@@ -108,6 +108,13 @@ def predicted(
 
     differences(fields, passes, n, width, step, take)
     return [list(row) for row in zip(*values, strict=True)]
+
+
+def offsets_of(fields: Fields, places: Places) -> list[list[int]]:
+    """Way 1 of section "Static": integers of every vertex."""
+    own = [one for one, middle in enumerate(places.middle) if not middle]
+    values = predicted(fields, first_passes(places, own, True), len(places.point), 3, lambda _row, _i: 1)
+    return [values[place] for place in sorted(own, key=lambda one: places.own[one])]
 
 
 def hidden_of(data: bytes, passes: list[Pass], n: int) -> list[int]:
@@ -342,8 +349,14 @@ def reference_decode(data: bytes, vertices: np.ndarray, faces: np.ndarray) -> di
         gaussians = paper_gaussians(sections, n, degree)
         motion = paper_motion(sections, t, e, s, o) if flags & 1 else {}
     else:
-        gaussians = gaussians_of(sections, degree, known_head(vertices, faces) if flags & 2 else unknown_head(f))
-        motion = static_of(sections["Static"], s, o) | dynamic_of(sections["Motion"], t, e) if flags & 1 else {}
+        head = known_head(vertices, faces) if flags & 2 else unknown_head(f)
+        gaussians = gaussians_of(sections, degree, head)
+        motion = (
+            static_of(sections["Static"], s, o, lambda fields: offsets_of(fields, head.vertices))
+            | dynamic_of(sections["Motion"], t, e)
+            if flags & 1
+            else {}
+        )
     integers = {"binding": np.int32}
     parts = {"gaussians": {name: array.astype(integers.get(name, np.float32)) for name, array in gaussians.items()}}
     return parts | ({"motion": {name: array.astype(np.float32) for name, array in motion.items()}} if motion else {})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from reference_streams import AdaptiveIntegers, Fields, Residuals
@@ -16,13 +17,15 @@ def accumulated(values: list[int]) -> list[int]:
     return np.cumsum(np.array(values, int)).tolist()
 
 
-def static_of(data: bytes, s: int, o: int) -> dict[str, np.ndarray]:
-    """Section "Static"."""
+def static_of(data: bytes, s: int, o: int, nearby: Callable[[Fields], list[list[int]]]) -> dict[str, np.ndarray]:
+    """Section "Static"; `nearby` reads predicted values of every vertex."""
     fields = Fields(data)
-    shape_step, offset_step = fields.read("dd")
-    coded = AdaptiveIntegers(fields.take(), 4)
-    shape, offsets = coded.run([0] * s), np.array(coded.run([1, 2, 3] * o), float).reshape(o, 3).cumsum(axis=0)
+    shape_step, offset_step, way = fields.read("ddB")
+    coded = AdaptiveIntegers(fields.take(*fields.read("I")) if way else fields.take(), 4)
+    shape = coded.run([0] * s)
+    offsets = np.array([] if way else coded.run([1, 2, 3] * o), float).reshape(-1, 3).cumsum(axis=0)
     coded.end()
+    offsets = np.array(nearby(fields), float) if way else offsets
     return {"shape": np.array(shape, float) * shape_step, "static_offset": offsets * offset_step}
 
 

@@ -21,12 +21,14 @@ class Places:
         point: three integers each.
         beside: list of places beside each.
         middle: whether it is the middle of an edge.
+        own: what number it has without that order.
     """
 
     triangle: list[int]
     point: list[Point]
     beside: list[list[int]]
     middle: list[bool]
+    own: list[int] = field(default_factory=list)
 
 
 @dataclass
@@ -90,6 +92,7 @@ def reordered(
         [points[one] for one in order],
         [[number[other] for other in beside[one]] for one in order],
         [middle[one] for one in order],
+        order,
     )
 
 
