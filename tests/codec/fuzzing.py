@@ -19,7 +19,14 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from synthetic_avatars import random_avatar, smooth_avatar, tiny_head, vertex_avatar
+from synthetic_avatars import (
+    random_avatar,
+    random_gaussians,
+    random_importance,
+    smooth_avatar,
+    tiny_head,
+    vertex_avatar,
+)
 
 from sacha_core.codec import Decoder, Encoder, decode, embedded_head, encode, encode_archive, encode_paper, inspect
 from sacha_core.codec.container import Section, pack_sections, parse_sections
@@ -56,6 +63,8 @@ def seeds() -> list[Sections]:
     files += [encode_archive(smooth[1]), encode_archive(still[2]), encode_archive(decode(encode_paper(smooth[1], 1)))]
     files += [encode_paper(smooth[1], 2), encode_paper(still[3], 4), encode_paper(smooth[0], 1)]
     files += [encode(still[0], 1, head=head, embed_head=True)]
+    files += [encode(smooth[2], 3, head=head, importance=random_importance(smooth[2].gaussians))]
+    files += [encode(replace(still[1], gaussians=random_gaussians(30, 2, 3)), 4, head=head, drop_invisible=False)]
     return [list(parse_sections(file)[1].values()) for file in files]
 
 

@@ -15,7 +15,16 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from synthetic_avatars import random_avatar, small_head, smooth_avatar, vertex_avatar
+from synthetic_avatars import (
+    HEAD,
+    random_avatar,
+    random_gaussians,
+    random_importance,
+    small_head,
+    smooth_avatar,
+    vertex_avatar,
+    world_vertex_avatar,
+)
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.codec import decode, encode, encode_archive, encode_paper
@@ -47,6 +56,25 @@ def by_vertex() -> bytes:
     """One Gaussian for nearly every vertex of the once-subdivided head."""
     head = small_head()
     return encode(vertex_avatar(head, seed=5), 2, head=head, embed_head=True)
+
+
+def in_the_world() -> bytes:
+    """The same, where the Gaussians lie close to the vertices."""
+    head = small_head()
+    return encode(world_vertex_avatar(head, seed=6), 3, head=head, embed_head=True)
+
+
+def weighed() -> bytes:
+    """Bits spent by what numbers are worth, some Gaussians hidden."""
+    head = small_head()
+    avatar = smooth_avatar(400, head, n_frames=4, n_harmonics=8, seed=9)
+    return encode(avatar, 3, head=head, embed_head=True, importance=random_importance(avatar.gaussians))
+
+
+def crowded() -> bytes:
+    """Many Gaussians on few triangles: long passes of mates."""
+    gaussians = random_gaussians(400, 12, 3, seed=10)
+    return encode(Avatar(gaussians, HEAD), 4, drop_invisible=False)
 
 
 def without_head() -> bytes:
@@ -84,6 +112,9 @@ STREAMS: dict[str, Callable[[], bytes]] = {
     "v2_archive_again": archive_again,
     "v2_rough": rough,
     "v2_vertices": by_vertex,
+    "v2_world": in_the_world,
+    "v2_weighed": weighed,
+    "v2_crowded": crowded,
     "v2_plain": without_head,
     "v2_empty": empty,
 }

@@ -11,8 +11,10 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.codec.anchors import vertex_triangles
+from sacha_core.codec.importance import GaussianImportance
 from sacha_core.codec.template import template_of
 from sacha_core.flame.model import HeadModel, HeadReference
+from sacha_core.geometry.triangle import triangle_frames
 
 HEAD = HeadReference("random", "0123456789abcdef" * 4, 120, 200)
 
@@ -123,3 +125,34 @@ def vertex_avatar(head: HeadModel, n_harmonics: int = 3, seed: int = 0) -> Avata
     avatar = smooth_avatar(len(chosen), head, 0, n_harmonics, seed)
     gaussians = replace(avatar.gaussians, binding=triangle[chosen].astype(np.int32))
     return Avatar(gaussians, head.reference)
+
+
+def random_importance(gaussians: Gaussians, seed: int = 0) -> GaussianImportance:
+    """Give what numbers could be worth to pictures: over several orders of magnitude, some Gaussians hidden."""
+    n, k = gaussians.sh_rest.shape[:2]
+    rng = np.random.default_rng(seed)
+    worth = np.exp(rng.normal(0, 2, n)) * np.where(rng.random(n) < 0.3, 1e-4, 1)
+
+    def of(*shape: int) -> np.ndarray:
+        return worth.reshape(n, *[1] * len(shape)) * rng.uniform(0.5, 2, (n, *shape))
+
+    basis = rng.normal(0, 1, (n, 6, k + 1))
+    metric = np.einsum("nvi,nvj->nij", basis, basis) * worth[:, None, None]
+    return GaussianImportance(
+        of(3), of(3), of(3), of(), of(3), of(k, 3), of(), np.minimum(worth / worth.max(), 1), metric.astype(np.float32)
+    )
+
+
+def world_vertex_avatar(head: HeadModel, seed: int = 0) -> Avatar:
+    """Give an avatar with a Gaussian close to every vertex of the once-subdivided head."""
+    avatar = vertex_avatar(head, 3, seed)
+    template = template_of(head.v_template, head.faces)
+    ends = head.v_template[template.edges.ends].mean(axis=1)
+    everywhere = np.concatenate([head.v_template, ends])
+    triangle = vertex_triangles(template)
+    chosen = np.flatnonzero((triangle >= 0) & (np.random.default_rng(seed).random(len(triangle)) < 0.9))
+    frames = triangle_frames(head.v_template, head.faces)
+    face = avatar.gaussians.binding
+    off = everywhere[chosen] + np.random.default_rng(seed).normal(0, 2e-4, (len(chosen), 3)) - frames.origin[face]
+    local = np.einsum("nij,ni->nj", frames.rotation[face], off) / frames.scale[face, None]
+    return replace(avatar, gaussians=replace(avatar.gaussians, position=local.astype(np.float32)))
