@@ -62,7 +62,7 @@ class Problem:
 
     def trimmed(self, levels: Int[np.ndarray, "n c"]) -> tuple[Problem, Int[np.ndarray, "n d"]]:
         """Leave out, axis by axis, the last functions with too few levels to be worth their bytes; of the levels likewise."""
-        used = np.count_nonzero(levels, axis=0) >= min(FEWEST_LEVELS, 1 + len(levels) // ONE_IN)
+        used = np.count_nonzero(levels, axis=0) >= 1 + len(levels) // ONE_IN
         functions, axis = self.transform.functions, self.transform.axis
         counts = tuple(int((functions[(axis == a) & used] + 1).max(initial=0)) for a in range(AXES))
         most = max(counts)
