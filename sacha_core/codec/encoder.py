@@ -208,7 +208,7 @@ def encode_planned(
     harmonic, sh_dc = [], gaussians.sh_dc
     if gaussians.sh_degree:
         metric = metric_of(gaussians, head, importance, plan.harmonic, classes)
-        coded, sh_rest = encode_harmonics(layout, gaussians.sh_rest, classes, plan.harmonic, metric)
+        coded, sh_rest = encode_harmonics(layout, gaussians.sh_rest, classes, plan.harmonic, metric, plan.price)
         harmonic, sh_dc = [Section("Harmonic", coded)], metric.folded(gaussians.sh_dc, gaussians.sh_rest - sh_rest)
     return [
         Section("Hidden", encode_hidden(layout, plan.hidden)),

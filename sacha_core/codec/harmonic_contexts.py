@@ -1,7 +1,8 @@
-r"""Contexts of harmonics' levels: how large each is likely to be, from those of neighbours, of mates and of the same Gaussian.
+r"""Contexts of harmonics' levels: how large each is likely to be, from those of neighbours and of mates.
 
 The size of a level is estimated as a floor for its component plus known sizes by weights, all sent; its class in half octaves, and how
 transparent the Gaussian is, make the context. Components of all functions share these contexts: sections are small, and tables cost bytes.
+Other components of the same Gaussian hardly tell more (1 % at most), so that all of a pass are coded at once.
 
 Source: own; estimates as in the lossless image coder TMW (Meyer and Tischer, 1997).
 """
@@ -20,13 +21,12 @@ from sacha_core.codec.steps import STEPS, Classes, StepRule
 __all__ = ["FEATURES", "GROUPS", "N_CONTEXTS", "ONE", "Activity", "ActivityPlan", "scale_of"]
 
 GROUPS = 2  # weights of firsts, and of mates
-FEATURES = (
-    4  # sizes of neighbours, of mates; of earlier functions on the same axis; of the same function on axes before
-)
+FEATURES = 2  # sizes of neighbours, of mates
 ONE = 1 << 12  # a level of 1, in estimates
 ESTIMATE_SHIFT = 2  # from 64ths by 256ths to that
 FIRST_BOUND, SIZE_CLASSES = 20, 24
 BOUNDS = STEPS[FIRST_BOUND : FIRST_BOUND + 4 * (SIZE_CLASSES - 1) : 4]  # half octaves
+CLASS_OF = np.searchsorted(BOUNDS, np.arange(BOUNDS[-1] + 1), side="right")  # of each estimate up to the last bound
 TRANSPARENCIES = 4
 N_CONTEXTS = SIZE_CLASSES * TRANSPARENCIES
 FINE, WIDEST = (
@@ -72,67 +72,33 @@ def scale_of(rule: StepRule, classes: Classes) -> Int[np.ndarray, " n"]:
 
 
 class Activity:
-    """Follows the passes and gives contexts, one component after the other.
+    """Follows the passes and gives contexts.
 
     Args:
         plan: how sizes are estimated.
-        functions: (c,) function of each component, in coding order.
-        axis: (c,) its axis of colours.
         rule: of the steps.
         classes: what steps depend on.
     """
 
-    def __init__(
-        self,
-        plan: ActivityPlan,
-        functions: Int[np.ndarray, " c"],
-        axis: Int[np.ndarray, " c"],
-        rule: StepRule,
-        classes: Classes,
-    ) -> None:
+    def __init__(self, plan: ActivityPlan, rule: StepRule, classes: Classes) -> None:
         self._plan = plan
         self._floors = STEPS[plan.floors]
-        self._new = np.diff(functions, prepend=-1) != 0
-        self._axis = axis
         self._scale = scale_of(rule, classes)
         self._glass = np.minimum(classes.transparency, TRANSPARENCIES - 1) * SIZE_CLASSES
-        self._sizes = np.zeros((len(self._scale), len(axis)), np.int64)
+        self._sizes = np.zeros((len(self._scale), len(plan.floors)), np.int64)
 
-    def enter(self, step: Pass) -> None:
-        """Begin a pass."""
-        self._rows = step.rows
-        self._own_scale = self._scale[step.rows]
+    def contexts(self, step: Pass) -> Int[np.ndarray, "p c"]:
+        """Context of every component of each Gaussian of a pass."""
+        rows = step.rows
+        known = np.zeros((len(rows), len(self._floors)), np.int64)
         weights = self._plan.weights[int(step.kind == MATES)]
-        self._own_weights = weights[2:]
-        known = np.zeros((len(step.rows), len(self._axis)), np.int64)
-        for weight, rows, trust in ((weights[0], step.near, step.trust), (weights[1], step.mates, step.mate_trust)):
+        for weight, others, trust in zip(weights, (step.near, step.mates), (step.trust, step.mate_trust), strict=True):
             if weight and trust.any():
-                for column in range(rows.shape[1]):
-                    known += self._sizes[rows[:, column]] * (weight * trust[:, column, None])
-        self._known = known
-        self.restart()
+                for column in range(others.shape[1]):
+                    known += self._sizes[others[:, column]] * (weight * trust[:, column, None])
+        estimate = self._floors + ((known // self._scale[rows, None]) >> ESTIMATE_SHIFT)
+        return np.asarray(CLASS_OF[np.minimum(estimate, BOUNDS[-1])] + self._glass[rows, None])
 
-    def restart(self) -> None:
-        """Begin the components of the pass again."""
-        self._spent = np.zeros((int(self._axis.max(initial=0)) + 1, len(self._rows)), np.int64)
-        self._beside = np.zeros(len(self._rows), np.int64)
-
-    def features(self, component: int) -> tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"]]:
-        """Sizes of earlier functions on the component's axis, and of its function on axes before."""
-        if self._new[component]:
-            self._beside = np.zeros_like(self._beside)
-        return self._spent[self._axis[component]], self._beside
-
-    def contexts(self, component: int) -> Int[np.ndarray, " p"]:
-        """Context of a component of each Gaussian of the pass; components are asked for in turn."""
-        earlier, beside = self.features(component)
-        sizes = self._known[:, component] + ((earlier * self._own_weights[0] + beside * self._own_weights[1]) << 6)
-        estimate = self._floors[component] + ((sizes // self._own_scale) >> ESTIMATE_SHIFT)
-        return np.asarray(np.searchsorted(BOUNDS, estimate, side="right") + self._glass[self._rows])
-
-    def learn(self, component: int, levels: Int[np.ndarray, " p"]) -> None:
-        """Take in the levels of a component of the pass."""
-        sizes = np.minimum(np.abs(levels) * self._own_scale, MOST)
-        self._sizes[self._rows, component] = sizes
-        self._spent[self._axis[component]] += sizes
-        self._beside = self._beside + sizes
+    def learn(self, step: Pass, levels: Int[np.ndarray, "p c"]) -> None:
+        """Take in the levels of a pass."""
+        self._sizes[step.rows] = np.minimum(np.abs(levels) * self._scale[step.rows, None], MOST)

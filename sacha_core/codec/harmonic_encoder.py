@@ -19,7 +19,7 @@ from sacha_core.codec.harmonic_fitting import fit_activity
 from sacha_core.codec.harmonic_metric import Metric
 from sacha_core.codec.harmonics import AXES, BASIS_ONE, GROUPS, TERMS, UNIT, WEIGHT_BITS, Neighbourhood, Transform
 from sacha_core.codec.order import MATES, Layout, weighted_mean
-from sacha_core.codec.steps import Classes, StepRule
+from sacha_core.codec.steps import MAX_EXPONENT, PER_OCTAVE, Classes, StepRule
 from sacha_core.codec.symbols import LevelBits, SymbolWriter
 
 __all__ = ["encode_harmonics"]
@@ -83,6 +83,7 @@ def encode_harmonics(
     classes: Classes,
     rule: StepRule,
     metric: Metric,
+    price: float | None = None,
 ) -> tuple[bytes, Float[np.ndarray, "n k 3"]]:
     """Code coefficients.
 
@@ -92,25 +93,37 @@ def encode_harmonics(
         classes: what steps depend on.
         rule: step of a component that errors of degree 0 are worth as much as, in `UNIT`.
         metric: what errors are worth.
+        price: change of the picture that a bit is worth elsewhere; the rule's steps are scaled to it. None takes the rule's steps.
 
     Returns:
         The section, and the coefficients as the decoder will have them.
     """
-    steps = rule.steps(classes) * UNIT
-    lagrangian = float((metric.weight * steps**2).mean()) / SQUARED_STEPS if len(steps) else 1.0
+    rule, lagrangian = at_price(rule, classes, metric, price)
     transform = fit_transform(sh_rest, metric, rule, lagrangian)
     problem = pose(transform, sh_rest, metric, classes, lagrangian)
     levels, _ = choose(layout, problem, fit_neighbourhood(layout, problem, metric), None)
     problem, levels = problem.trimmed(levels)
     transform, neighbourhood = problem.transform, fit_neighbourhood(layout, problem, metric)
-    plan = fit_activity(layout, levels, transform, classes)
+    plan = fit_activity(layout, levels, transform.rule, classes)
     tables = None
     if levels.size:
         tables = transform.activity(plan, classes), write(layout, levels, transform, plan, classes).level_bits()
     levels, values = choose(layout, problem, neighbourhood, tables)
-    plan = fit_activity(layout, levels, transform, classes)
+    plan = fit_activity(layout, levels, transform.rule, classes)
     head = transform.pack() + neighbourhood.pack() + plan.pack()
     return head + write(layout, levels, transform, plan, classes).finish(), transform.coefficients(values)
+
+
+def at_price(rule: StepRule, classes: Classes, metric: Metric, price: float | None) -> tuple[StepRule, float]:
+    """Give the rule whose steps suit a price, and the price that suits its steps, or these steps where there is none."""
+    if not len(metric.weight):
+        return rule, 1.0
+    cost = float((metric.weight * np.square(rule.steps(classes) * UNIT)).mean()) / SQUARED_STEPS
+    if price is None:
+        return rule, cost
+    finer = round(PER_OCTAVE / 2 * np.log2(price / max(cost, 1e-30)))
+    base = min(max(rule.base + finer, -rule.low), MAX_EXPONENT - rule.high)
+    return replace(rule, base=base), price
 
 
 def pose(
@@ -164,10 +177,11 @@ def choose(
     """Choose all levels, by the bits of their tables or a guess; give them and the components as the decoder will have them."""
     levels, values = np.zeros(problem.steps.shape, np.int64), np.zeros(problem.steps.shape, np.int64)
     for step in layout.passes:
-        if tables:
-            tables[0].enter(step)
         rows, expected = step.rows, neighbourhood.predict(step, values)
-        chosen = descend(problem, rows, expected, tables)
+        prices = (tables[1], tables[0].contexts(step)) if tables else None
+        chosen = descend(problem, rows, expected, prices)
+        if tables:
+            tables[0].learn(step, chosen)
         levels[rows] = chosen
         values[rows] = expected + chosen * problem.steps[rows]
     return levels, values
@@ -177,7 +191,7 @@ def descend(
     problem: Problem,
     rows: Int[np.ndarray, " p"],
     expected: Int[np.ndarray, "p c"],
-    tables: tuple[Activity, LevelBits] | None,
+    prices: tuple[LevelBits, Int[np.ndarray, "p c"]] | None,
 ) -> Int[np.ndarray, "p c"]:
     """Choose the levels of a pass, one component after the other, and again with all others known."""
     transform = problem.transform
@@ -189,20 +203,16 @@ def descend(
         left[:, :, axis] -= np.einsum("pfg,pg->pf", quadratic[:, :, transform.functions[mine]], expected[:, mine])
     levels = np.zeros(expected.shape, np.int64)
     for _ in range(SWEEPS):
-        if tables:
-            tables[0].restart()
         for component, (function, axis) in enumerate(transform.components):
             step, before = steps[:, component], levels[:, component]
             gain = curvature[:, function] * step
             exact = np.clip(left[:, function, axis] / gain + before, -MAX_LEVEL, MAX_LEVEL)
-            prices = (tables[1], tables[0].contexts(component)) if tables else None
-            best = cheapest(exact, gain * step, problem.lagrangian, prices)
+            price = (prices[0], prices[1][:, component]) if prices else None
+            best = cheapest(exact, gain * step, problem.lagrangian, price)
             moved = np.flatnonzero(best - before)
             change = (best - before)[moved] * step[moved]
             left[moved, :, axis] -= quadratic[moved, :, function] * change[:, None]
             levels[:, component] = best
-            if tables:
-                tables[0].learn(component, best)
     return levels
 
 
@@ -230,9 +240,7 @@ def write(
     activity = transform.activity(plan, classes)
     writer = SymbolWriter(N_CONTEXTS)
     for step in layout.passes:
-        activity.enter(step)
-        for component in range(levels.shape[1]):
-            mine = levels[step.rows, component]
-            writer.write(mine, activity.contexts(component))
-            activity.learn(component, mine)
+        mine = levels[step.rows]
+        writer.write(mine, activity.contexts(step))
+        activity.learn(step, mine)
     return writer

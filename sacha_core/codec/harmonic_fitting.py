@@ -9,9 +9,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.codec.harmonic_contexts import FEATURES, GROUPS, ONE, ActivityPlan, scale_of
-from sacha_core.codec.harmonics import Transform
 from sacha_core.codec.order import FULL_TRUST, MATES, Layout
-from sacha_core.codec.steps import PER_OCTAVE, Classes
+from sacha_core.codec.steps import PER_OCTAVE, Classes, StepRule
 
 __all__ = ["fit_activity"]
 
@@ -20,16 +19,14 @@ LEAST = 1 / 256  # of a level: no estimate is less
 WEIGHT_ONE, MAX_WEIGHT, MAX_FLOOR = 256, 255, 127
 
 
-def fit_activity(
-    layout: Layout, levels: Int[np.ndarray, "n c"], transform: Transform, classes: Classes
-) -> ActivityPlan:
+def fit_activity(layout: Layout, levels: Int[np.ndarray, "n c"], rule: StepRule, classes: Classes) -> ActivityPlan:
     """Give the plan by which sizes of these levels are estimated best."""
     n_components = levels.shape[1]
     group = np.zeros(len(levels), np.int64)
     for step in layout.passes:
         group[step.rows] = int(step.kind == MATES)
     size = np.abs(levels).astype(np.float64)
-    features = features_of(layout, size, transform, scale_of(transform.rule, classes).astype(np.float64))
+    features = features_of(layout, size, scale_of(rule, classes).astype(np.float64))
     weights, floors = np.zeros((GROUPS, FEATURES)), size.mean(axis=0) if len(size) else np.zeros(n_components)
     for _ in range(ROUNDS):
         expected = np.maximum(np.einsum("ncw,nw->nc", features, weights[group]) + floors, LEAST)
@@ -41,7 +38,7 @@ def fit_activity(
 
 
 def features_of(
-    layout: Layout, size: Float[np.ndarray, "n c"], transform: Transform, scale: Float[np.ndarray, " n"]
+    layout: Layout, size: Float[np.ndarray, "n c"], scale: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, "n c w"]:
     """What estimates are made of, in levels of each Gaussian's own step."""
     features = np.zeros((*size.shape, FEATURES))
@@ -51,10 +48,6 @@ def features_of(
             if trust.any():
                 around = (wide[rows] * trust[:, :, None]).sum(axis=1) / FULL_TRUST
                 features[step.rows, :, feature] = around / scale[step.rows, None]
-    for component, (function, axis) in enumerate(transform.components):
-        before = np.arange(len(transform.components)) < component
-        features[:, component, 2] = size[:, before & (transform.axis == axis)].sum(axis=1)
-        features[:, component, 3] = size[:, before & (transform.functions == function)].sum(axis=1)
     return features
 
 

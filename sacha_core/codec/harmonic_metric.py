@@ -95,7 +95,8 @@ def weigh(
     else:
         weight = measured[:, 0, 0].astype(np.float64)
         share = UNMEASURED * weight.sum() / max(by_rule.sum(), 1e-30)
-        whole = shape * (share * by_rule + RING_SHARE * weight)[:, None, None].astype(np.float32) + measured
+        seen = shape * (share * by_rule + RING_SHARE * weight)[:, None, None].astype(np.float32) + measured
+        whole = seen / np.float32(1 + RING_SHARE)
     weight = np.maximum(whole[:, 0, 0], 1e-30).astype(np.float64)
     fold = whole[:, 0, 1:] / weight[:, None].astype(np.float32)
     return Metric(weight, fold, whole[:, 1:, 1:] - whole[:, 0, 1:, None] * fold[:, None])

@@ -74,7 +74,7 @@ class Transform:
 
     def activity(self, plan: ActivityPlan, classes: Classes) -> Activity:
         """Contexts of the levels, before the first pass."""
-        return Activity(plan, self.functions, self.axis, self.rule, classes)
+        return Activity(plan, self.rule, classes)
 
     def coefficients(self, values: Int[np.ndarray, "n c"]) -> Float[np.ndarray, "n k 3"]:
         """Give float32 coefficients of components. Sums of integers below 2^53: exact in float64, in whatever order they are summed."""
@@ -157,11 +157,8 @@ def decode_harmonics(
     symbols = SymbolReader(reader, N_CONTEXTS)
     values = np.zeros(steps.shape, np.int64)
     for step in layout.passes:
-        activity.enter(step)
-        levels = np.empty((len(step.rows), n_components), np.int64)
-        for component in range(n_components):
-            levels[:, component] = symbols.read(activity.contexts(component))
-            activity.learn(component, levels[:, component])
+        levels = symbols.read(activity.contexts(step))
+        activity.learn(step, levels)
         found = neighbourhood.predict(step, values) + levels * steps[step.rows]
         if np.abs(found).max(initial=0) > LIMIT:
             raise reader.error(f"a component is beyond +-{LIMIT} units")
