@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from reference_axes import Axes, Point
@@ -251,7 +251,7 @@ def all_passes(places: Places, numbers: list[int], by_vertex: bool) -> list[Pass
     while low < max(numbers, default=0):
         width = max(1, (1 << (low.bit_length() - 1)) // 2)
         members = [(place, rank) for place in occupied for rank in range(low, min(low + width, numbers[place]))]
-        mates = [[first[place] + low - 1 - i for i in range(min(low, 4))] for place, _ in members]
+        mates = [[first[place] + low - 1 - i for i in range(min(low, 8))] for place, _ in members]
         trusted = [[(row, 64 // len(m) + (64 % len(m) if i == 0 else 0)) for i, row in enumerate(m)] for m in mates]
         passes.append(
             Pass(3, [first[place] + rank for place, rank in members], [around[place] for place, _ in members], trusted)

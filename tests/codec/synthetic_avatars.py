@@ -114,7 +114,9 @@ def smooth_avatar(n: int, head: HeadModel, n_frames: int = 30, n_harmonics: int 
         for name in ("position", "log_scale", "opacity_logit", "sh_dc", "sh_rest")
         if n and getattr(g, name).size
     }
-    return replace(avatar, gaussians=replace(g, **smooth))
+    assert avatar.motion is not None
+    offsets = (1e-3 * np.sin(head.v_template.astype(np.float64) * 30 + seed)).astype(np.float32)
+    return replace(avatar, gaussians=replace(g, **smooth), motion=replace(avatar.motion, static_offset=offsets))
 
 
 def vertex_avatar(head: HeadModel, n_harmonics: int = 3, seed: int = 0) -> Avatar:
