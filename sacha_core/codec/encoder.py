@@ -36,7 +36,7 @@ from sacha_core.codec.template import Template, template_of, unknown_template
 from sacha_core.errors import FormatError, HeadError, OptionError
 from sacha_core.flame.model import HeadModel
 
-__all__ = ["GROUP_FRAMES", "encode", "encode_traced"]
+__all__ = ["GROUP_FRAMES", "encode", "encode_traced", "price_of_a_bit"]
 
 GROUP_FRAMES = 50  # 2 s at 25 frames a second; of 100 they cost as much
 VISIBLE = np.log((1 / 255) / (1 - 1 / 255))  # rasterisers skip what covers less than one step of 8 bits
@@ -167,6 +167,29 @@ def encode_gaussians(
     head: HeadModel | None = None,
 ) -> tuple[list[Section], Int[np.ndarray, " n"]]:
     """Code all attributes, each after those that its steps follow; give the sections, and the row of each Gaussian in coding order."""
+    prepared, importance, order = prepare(gaussians, template, level, importance)
+    plan = plan_by_rules(prepared, level)
+    if importance is not None and len(order):
+        plan = plan_by_worth(prepared, level, importance, plan)
+    counts = encode_layout(prepared.numbers, template, prepared.by_vertex)
+    return [Section("Counts", counts), *encode_planned(prepared, plan, head, importance)], order
+
+
+def price_of_a_bit(gaussians: Gaussians, head: HeadModel, level: int | Level, importance: GaussianImportance) -> float:
+    """Give the squared error in pictures, in units of `importance`, that a level trades for a bit; 0 where nothing is coded."""
+    chosen = level if isinstance(level, Level) else level_named(level)
+    keep = visible(gaussians.opacity_logit, chosen.opacity_steps)
+    template = template_of(head.v_template, head.faces)
+    prepared, known, order = prepare(gaussians.select(keep), template, chosen, importance.select(keep))
+    if known is None or not len(order):
+        return 0.0
+    return plan_by_worth(prepared, chosen, known, plan_by_rules(prepared, chosen)).price or 0.0
+
+
+def prepare(
+    gaussians: Gaussians, template: Template, level: Level, importance: GaussianImportance | None
+) -> tuple[Prepared, GaussianImportance | None, Int[np.ndarray, " n"]]:
+    """Give Gaussians in coding order, their importance, and the row of each."""
     index = opacity_index(gaussians.opacity_logit, level.opacity_steps)
     if importance is not None:
         importance = importance.with_axes(np.argsort(-gaussians.log_scale, axis=1, kind="stable"))
@@ -178,14 +201,7 @@ def encode_gaussians(
     importance = None if importance is None else importance.select(order)
     numbers = np.bincount(place, minlength=len(template.vertices if by_vertex else template.triangles)).astype(np.int64)
     layout = layout_by_vertex(numbers > 0, template) if by_vertex else layout_by_triangle(numbers, template)
-    prepared = Prepared(layout, gaussians, index, log_scale, quaternion)
-    plan = plan_by_rules(prepared, level)
-    if importance is not None and len(index):
-        plan = plan_by_worth(prepared, level, importance, plan)
-    return [
-        Section("Counts", encode_layout(numbers, template, by_vertex)),
-        *encode_planned(prepared, plan, head, importance),
-    ], order
+    return Prepared(layout, gaussians, index, log_scale, quaternion, numbers, by_vertex), importance, order
 
 
 def encode_planned(

@@ -49,6 +49,8 @@ class Prepared:
         index: (n,) opacity indices of the level.
         log_scale: (n, 3) sorted, largest first.
         quaternion: (n, 4) that match.
+        numbers: (m,) Gaussians at every place, in coding order.
+        by_vertex: whether places are vertices rather than triangles.
     """
 
     layout: Layout
@@ -56,6 +58,8 @@ class Prepared:
     index: Int[np.ndarray, " n"]
     log_scale: Float[np.ndarray, "n 3"]
     quaternion: Float[np.ndarray, "n 4"]
+    numbers: Int[np.ndarray, " m"]
+    by_vertex: bool
 
     def classes(self, n_steps: int) -> Classes:
         """Classes before anything is quantised; nothing is hidden."""

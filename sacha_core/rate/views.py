@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -180,5 +181,5 @@ def stock_motion(head: HeadModel, person: Motion | None = None) -> Motion:
         motion.eyes[row] = (*gaze, 0, *gaze, 0)
     parts = [motion, *played]
     person = motion if person is None else person
-    dynamic = {name: np.concatenate([getattr(part, name) for part in parts]) for name in FITTED_MOTION}
+    dynamic: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in FITTED_MOTION}
     return replace(motion, shape=person.shape, static_offset=person.static_offset, **dynamic)

@@ -10,9 +10,9 @@ import pytest
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
-from sacha_core.codec.rotation import multiply
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.synthetic import synthetic_head
+from sacha_core.geometry.quaternion import multiply
 from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.rasteriser import Rasteriser

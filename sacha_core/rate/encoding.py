@@ -1,0 +1,113 @@
+"""Encoding by rendering: Gaussians that are not worth their bits left out, and bits given to numbers by what they are worth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Int
+
+from sacha_core.avatar.avatar import Avatar
+from sacha_core.codec.encoder import encode_traced, price_of_a_bit
+from sacha_core.codec.importance import GaussianImportance
+from sacha_core.codec.levels import Level, level_named
+from sacha_core.flame.model import HeadModel
+from sacha_core.raster.rasteriser import Rasteriser
+from sacha_core.rate.curvature import importance_of
+from sacha_core.rate.visibility import PRUNING_BITS, Grounds, grounds_for, prune
+
+__all__ = ["Encoded", "RenderingEncoder", "encode_by_rendering"]
+
+
+@dataclass(frozen=True)
+class Encoded:
+    """A file and what became of the avatar.
+
+    Args:
+        data: the bytes of the file.
+        level: that it was made at.
+        rows: (m,) which of the avatar's Gaussians each decoded one is.
+    """
+
+    data: bytes
+    level: Level
+    rows: Int[np.ndarray, " m"]
+
+
+class RenderingEncoder:
+    """Encodes one avatar at any number of levels; poses and views are set up once.
+
+    Args:
+        avatar: what to compress.
+        head: the head that it is bound to.
+        embed_head: add the head itself to the files.
+        pruning_bits: a Gaussian goes that changes pictures by less than so many bits are worth; 0 keeps all that shows.
+        seed: of what is measured by chance.
+
+    Raises:
+        GeometryError: a frame of the motion makes a triangle degenerate.
+        HeadError: the motion has components or vertex offsets that the head lacks.
+    """
+
+    def __init__(
+        self,
+        avatar: Avatar,
+        head: HeadModel,
+        embed_head: bool = False,
+        pruning_bits: float = PRUNING_BITS,
+        seed: int = 0,
+    ) -> None:
+        avatar.gaussians.validate(head.n_faces)
+        self._avatar, self._head, self._embed, self._seed = avatar, head, embed_head, seed
+        self.pruning_bits, self._rasteriser = pruning_bits, Rasteriser()
+        self._measured: tuple[Grounds, GaussianImportance] | None = None
+
+    def encode(self, level: int | Level) -> Encoded:
+        """Encode at a level.
+
+        Raises:
+            FormatError: the avatar is not finite, or has values beyond what the format holds.
+            HeadError: `head` is not the one that the avatar names.
+        """
+        chosen = level if isinstance(level, Level) else level_named(level)
+        grounds, importance = self._measure()
+        gaussians = self._avatar.gaussians
+        least = self.pruning_bits * price_of_a_bit(gaussians, self._head, chosen, importance)
+        rows = prune(gaussians, grounds, least, self._rasteriser)
+        left = replace(self._avatar, gaussians=gaussians.select(rows))
+        kept = importance.select(rows)
+        data, order = encode_traced(left, chosen, head=self._head, embed_head=self._embed, importance=kept)
+        return Encoded(data, chosen, rows[order])
+
+    def _measure(self) -> tuple[Grounds, GaussianImportance]:
+        """Give the views to decide by, and what numbers are worth while all Gaussians are there."""
+        if self._measured is None:
+            importance = importance_of(self._avatar, self._head, self._seed, self._rasteriser)
+            self._measured = grounds_for(self._avatar, self._head), importance
+        return self._measured
+
+
+def encode_by_rendering(
+    avatar: Avatar,
+    level: int | Level = 2,
+    *,
+    head: HeadModel,
+    embed_head: bool = False,
+    pruning_bits: float = PRUNING_BITS,
+    seed: int = 0,
+) -> bytes:
+    """Compress an avatar as `sacha_core.encode` does, a fifth to a third smaller at the same quality, in a few seconds.
+
+    Args:
+        avatar: what to compress; pictures of its own motion count, or of stock expressions where it has none.
+        level: 1 (smallest) to 4 (best), or a `Level` of one's own.
+        head: the head model that it is bound to.
+        embed_head: add the head model itself to the file.
+        pruning_bits: a Gaussian goes that changes pictures by less than so many bits are worth; 0 keeps all that shows.
+        seed: of what is measured by chance; the same seed gives the same bytes.
+
+    Raises:
+        FormatError, HeadError, OptionError: as `sacha_core.encode` does.
+        GeometryError: a frame of the motion makes a triangle degenerate.
+    """
+    return RenderingEncoder(avatar, head, embed_head, pruning_bits, seed).encode(level).data
