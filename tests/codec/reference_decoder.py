@@ -245,7 +245,7 @@ class Harmonics:
         self.components = [(one, a) for one in range(f) for a in range(3) if one < self.functions[a]]
         c = len(self.components)
         self.weights = [[fields.read(f"{c}b") for _ in range(2)] for _ in range(2)]
-        self.a = [fields.read("4B") for _ in range(2)]
+        self.a = [fields.read("2B") for _ in range(2)]
         self.floors = fields.read(f"{c}B")
         self.tokens = Tokens(fields.take(), 96)
 
@@ -254,6 +254,11 @@ class Harmonics:
         weighed = sum(a * feature for a, feature in zip(self.a[group], features, strict=True))
         estimate = STEP[self.floors[i]] + (weighed // scale >> 2)
         return min(t, 3) * 24 + sum(STEP[e] <= estimate for e in range(20, 109, 4))
+
+
+def weighed(sizes: list[int], known: Trusted) -> int:
+    """Sum of sizes times trust."""
+    return sum(trust * sizes[row] for row, trust in known)
 
 
 def harmonics_of(data: bytes, degree: int, passes: list[Pass], classes: list[Classes]) -> list[list[list[float]]]:
@@ -265,25 +270,24 @@ def harmonics_of(data: bytes, degree: int, passes: list[Pass], classes: list[Cla
     scales = [STEP[64 + min(shift - told.rule.low, 127)] for shift in shifts]
     for one in passes:
         group = int(one.kind == 3)
-        for i, (f, axis) in enumerate(told.components):
-            contexts = []
-            for row, near, mates in zip(one.rows, one.near, one.mates, strict=True):
-                features = [sum(trust * sizes[i][other] for other, trust in known) for known in (near, mates)]
-                features.append(64 * sum(sizes[c][row] for c in range(i) if told.components[c][1] == axis))
-                features.append(64 * sum(sizes[c][row] for c in range(i) if told.components[c][0] == f))
-                contexts.append(told.context(classes[row][0], scales[row], features, group, i))
-            fresh = []
-            for row, near, mates, integer in zip(
-                one.rows, one.near, one.mates, told.tokens.batch(contexts), strict=True
-            ):
+        members = list(zip(one.rows, one.near, one.mates, strict=True))
+        contexts = [
+            told.context(classes[row][0], scales[row], [weighed(sizes[i], near), weighed(sizes[i], mates)], group, i)
+            for row, near, mates in members
+            for i in range(len(told.components))
+        ]
+        integers = iter(told.tokens.batch(contexts))
+        fresh = []
+        for row, near, mates in members:
+            for i, (f, _) in enumerate(told.components):
+                integer = next(integers)
                 total = sum(
                     mean(values[i], known) * told.weights[group][term][i] for term, known in enumerate((near, mates))
                 )
                 step = STEP[told.rule.base + shifts[row] + told.exponents[f]]
-                fresh.append((row, ((total + 32) >> 6) + integer * step))
-                sizes[i][row] = min(abs(integer) * scales[row], 1 << 28)
-            for row, value in fresh:
-                values[i][row] = value
+                fresh.append((i, row, ((total + 32) >> 6) + integer * step, min(abs(integer) * scales[row], 1 << 28)))
+        for i, row, value, size in fresh:
+            values[i][row], sizes[i][row] = value, size
     told.tokens.end()
 
     def colour(row: int, j: int, channel: int) -> float:

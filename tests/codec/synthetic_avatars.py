@@ -115,7 +115,7 @@ def smooth_avatar(n: int, head: HeadModel, n_frames: int = 30, n_harmonics: int 
         if n and getattr(g, name).size
     }
     assert avatar.motion is not None
-    offsets = (1e-3 * np.sin(head.v_template.astype(np.float64) * 30 + seed)).astype(np.float32)
+    offsets = (2e-2 * np.sin(head.v_template.astype(np.float64) * 12 + seed)).astype(np.float32)
     return replace(avatar, gaussians=replace(g, **smooth), motion=replace(avatar.motion, static_offset=offsets))
 
 

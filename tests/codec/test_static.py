@@ -52,7 +52,7 @@ def coded_nearby(offsets: np.ndarray, template: Template) -> bytes:
 @pytest.mark.parametrize("kind", ["smooth", "nothing", "noise"])
 @pytest.mark.parametrize(
     "way",
-    [ONE_BY_ONE, pytest.param(NEARBY, marks=pytest.mark.xfail(strict=False, reason="version 2 in the making"))],
+    [ONE_BY_ONE, NEARBY],
 )
 def test_the_page_alone_decodes_the_same_values(head, template, kind, way):
     v = len(head.v_template)
