@@ -35,7 +35,8 @@ __all__ = ["Plan", "Prepared", "plan_by_rules", "plan_by_worth"]
 SLOPE = 2 * np.log(2) / 12  # squared steps that a bit is worth, at a high rate
 EVENING = 0.5  # how far attributes are evened out
 MOST_SHIFT = 1.5  # octaves
-LEAST = 1e-15
+MOST_LIFT = 2.0  # octaves
+LEAST = 1e-30
 WORTH_RANGE = 4.0  # weights of the chooser stay within this factor of 1
 
 
@@ -117,23 +118,19 @@ def plan_by_rules(prepared: Prepared, level: Level) -> Plan:
 def plan_by_worth(prepared: Prepared, level: Level, importance: GaussianImportance, plain: Plan) -> Plan:
     """Add to a plan by rules how hidden each Gaussian is, and what every number is worth."""
     costs = costs_of(prepared, level, importance, plain)
-    roots = np.sqrt(
-        np.concatenate(list(costs.values()), axis=1)
-    )  # means of roots: one number that costs much is not all
-    hidden = hidden_classes(np.square(roots.mean(axis=1)))
-
-    steps = 2.0 ** (hidden - FINER)[:, None]
-    shifts = even_out({name: np.sqrt(cost) * steps for name, cost in costs.items()})
+    roots = {name: np.sqrt(cost) for name, cost in costs.items()}  # whose means no single number that costs much rules
+    hidden = hidden_classes(np.square(np.concatenate(list(roots.values()), axis=1).mean(axis=1)))
+    coarser = 2.0 ** (hidden - FINER)[:, None]
+    shifts = as_costly(costs, coarser, even_out({name: root * coarser for name, root in roots.items()}))
+    scaled = {name: roots[name] * coarser * 2.0 ** (np.array(shifts[name]) / PER_OCTAVE) for name in costs}
+    price = SLOPE * max(float(np.square(np.concatenate(list(scaled.values()), axis=1).mean())), LEAST)
 
     def spread(rule: StepRule, name: str, component: int) -> StepRule:
         base = rule.base - FINER * PER_OCTAVE + shifts[name][component]
         return replace(rule, base=min(max(base, -rule.low), MAX_EXPONENT - rule.most), hidden=PER_OCTAVE)
 
-    price = SLOPE * max(float(np.square((roots * steps).mean())), 1e-30)
-    step = steps**2 * (SLOPE / price)
-
     def worth(name: str) -> Worth:
-        return Worth(level.lagrangian, np.clip(costs[name] * step, 1 / WORTH_RANGE, WORTH_RANGE))
+        return Worth(level.lagrangian, np.clip(scaled[name] ** 2 * (SLOPE / price), 1 / WORTH_RANGE, WORTH_RANGE))
 
     return replace(
         plain,
@@ -163,6 +160,24 @@ def even_out(roots: dict[str, Float[np.ndarray, "n c"]]) -> dict[str, list[int]]
         name: np.rint(np.clip((middle - found) * EVENING, -MOST_SHIFT, MOST_SHIFT) * PER_OCTAVE).astype(int).tolist()
         for name, found in octaves.items()
     }
+
+
+def as_costly(
+    costs: dict[str, Float[np.ndarray, "n c"]], coarser: Float[np.ndarray, "n 1"], shifts: dict[str, list[int]]
+) -> dict[str, list[int]]:
+    """Add the same to all shifts, so that errors cost about as much in all as before: a level keeps its meaning.
+
+    Args:
+        costs: of an error of a step by the rules.
+        coarser: factor on the steps of each Gaussian.
+        shifts: of the steps of each component, eighths of an octave.
+    """
+    before = sum(float(cost.sum()) for cost in costs.values())
+    factors = {name: 4.0 ** (np.array(shift) / PER_OCTAVE) for name, shift in shifts.items()}
+    after = sum(float((cost * coarser**2 * factors[name]).sum()) for name, cost in costs.items())
+    octaves = np.log2(max(before, LEAST) / max(after, LEAST)) / 2
+    lift = round(PER_OCTAVE * min(max(octaves, 0.0), MOST_LIFT))
+    return {name: [shift + lift for shift in shifts[name]] for name in shifts}
 
 
 def costs_of(
