@@ -37,7 +37,7 @@ def fit_transform(rest: Float[np.ndarray, "n k 3"], metric: Metric, rule: StepRu
     basis = np.rint(functions / peaks[:, None] * PEAK).astype(np.int64)
     scale = peaks * (BASIS_ONE / PEAK)  # of a component's value over that of the function
     exponents = np.rint(PER_OCTAVE * np.log2(scale)).astype(np.int64)
-    low, high = -rule.base - rule.low, MAX_EXPONENT - rule.base - rule.high
+    low, high = -rule.base - rule.low, MAX_EXPONENT - rule.base - rule.most
     energy = np.einsum("n,nfa->fa", metric.weight, np.square(whitened))
     counts = [used(energy[:, axis], lagrangian) for axis in range(AXES)]
     n_functions = max(counts)

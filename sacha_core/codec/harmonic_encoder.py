@@ -122,7 +122,7 @@ def at_price(rule: StepRule, classes: Classes, metric: Metric, price: float | No
     if price is None:
         return rule, cost
     finer = round(PER_OCTAVE / 2 * np.log2(price / max(cost, 1e-30)))
-    base = min(max(rule.base + finer, -rule.low), MAX_EXPONENT - rule.high)
+    base = min(max(rule.base + finer, -rule.low), MAX_EXPONENT - rule.most)
     return replace(rule, base=base), price
 
 

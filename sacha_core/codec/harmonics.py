@@ -102,7 +102,7 @@ class Transform:
         axes = signed(reader, AXES * AXES).reshape(AXES, AXES)
         basis = signed(reader, max(counts) * n_harmonics).reshape(max(counts), n_harmonics)
         exponents = signed(reader, max(counts))
-        least, most = exponents.min(initial=0) + rule.base + rule.low, exponents.max(initial=0) + rule.base + rule.high
+        least, most = exponents.min(initial=0) + rule.base + rule.low, exponents.max(initial=0) + rule.base + rule.most
         if least < 0 or most > MAX_EXPONENT:
             raise reader.error(f"steps reach from {least} to {most}, table is 0 to {MAX_EXPONENT}")
         return cls(rule, counts, axes, basis, exponents)

@@ -27,7 +27,7 @@ from sacha_core.codec.position import UNIT as POSITION_UNIT
 from sacha_core.codec.rotation import steps_of as rotation_steps
 from sacha_core.codec.scale import UNIT as SCALE_UNIT
 from sacha_core.codec.scale import classes_of, known_classes, triangle_log_size
-from sacha_core.codec.steps import MAX_EXPONENT, PER_OCTAVE, Classes, StepRule
+from sacha_core.codec.steps import PER_OCTAVE, Classes, StepRule
 from sacha_core.codec.turning import UNIT as ROTATION_UNIT
 
 __all__ = ["Plan", "Prepared", "plan_by_rules", "plan_by_worth"]
@@ -36,6 +36,7 @@ SLOPE = 2 * np.log(2) / 12  # squared steps that a bit is worth, at a high rate
 EVENING = 0.5  # how far attributes are evened out
 MOST_SHIFT = 1.5  # octaves
 MOST_LIFT = 2.0  # octaves
+BETTER = 0.6  # octaves by which measured levels are finer, since they save so much
 LEAST = 1e-30
 WORTH_RANGE = 4.0  # weights of the chooser stay within this factor of 1
 
@@ -100,7 +101,7 @@ def plan_by_rules(prepared: Prepared, level: Level) -> Plan:
     reference = min(max(int(np.median(size)) if len(size) else 0, -128), 127)
 
     def at(rule: StepRule, attribute: str) -> StepRule:
-        return replace(rule, base=rule.base + level.exponent(attribute), reference=reference)
+        return replace(rule, reference=reference).moved(level.exponent(attribute))
 
     return Plan(
         hidden=np.zeros_like(prepared.index),
@@ -126,8 +127,7 @@ def plan_by_worth(prepared: Prepared, level: Level, importance: GaussianImportan
     price = SLOPE * max(float(np.square(np.concatenate(list(scaled.values()), axis=1).mean())), LEAST)
 
     def spread(rule: StepRule, name: str, component: int) -> StepRule:
-        base = rule.base - FINER * PER_OCTAVE + shifts[name][component]
-        return replace(rule, base=min(max(base, -rule.low), MAX_EXPONENT - rule.most), hidden=PER_OCTAVE)
+        return replace(rule, hidden=PER_OCTAVE).moved(shifts[name][component] - FINER * PER_OCTAVE)
 
     def worth(name: str) -> Worth:
         return Worth(level.lagrangian, np.clip(scaled[name] ** 2 * (SLOPE / price), 1 / WORTH_RANGE, WORTH_RANGE))
@@ -175,8 +175,8 @@ def as_costly(
     before = sum(float(cost.sum()) for cost in costs.values())
     factors = {name: 4.0 ** (np.array(shift) / PER_OCTAVE) for name, shift in shifts.items()}
     after = sum(float((cost * coarser**2 * factors[name]).sum()) for name, cost in costs.items())
-    octaves = np.log2(max(before, LEAST) / max(after, LEAST)) / 2
-    lift = round(PER_OCTAVE * min(max(octaves, 0.0), MOST_LIFT))
+    octaves = np.log2(max(before, LEAST) / max(after, LEAST)) / 2 - BETTER
+    lift = round(PER_OCTAVE * min(max(octaves, -MOST_LIFT), MOST_LIFT))
     return {name: [shift + lift for shift in shifts[name]] for name in shifts}
 
 

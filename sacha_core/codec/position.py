@@ -7,8 +7,6 @@ Source: own.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -57,8 +55,7 @@ def rule_for_world(layout: Layout, rule: StepRule) -> StepRule:
     octaves = (
         np.log2(layout.template.frames(layout.binding).scale * (PER_CELL * UNIT)) - layout.triangle_size / PER_OCTAVE
     )
-    base = rule.base + round(PER_OCTAVE * float(np.median(octaves)))
-    return replace(rule, base=min(max(base, -rule.low, 0), MAX_EXPONENT - max(rule.high, 0)))
+    return rule.moved(round(PER_OCTAVE * float(np.median(octaves))))
 
 
 def place_offset(layout: Layout, sums: Int[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:

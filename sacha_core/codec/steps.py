@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -78,6 +78,10 @@ class StepRule:
     def most(self) -> int:
         """The largest shift."""
         return self.high + self.hidden * MAX_HIDDEN
+
+    def moved(self, exponent: int) -> StepRule:
+        """Give the rule with its base moved by so much, or as far as the table of steps allows."""
+        return replace(self, base=max(min(self.base + exponent, MAX_EXPONENT - self.most), -self.low, 0))
 
     @property
     def n_step_classes(self) -> int:
