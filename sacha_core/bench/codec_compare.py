@@ -96,7 +96,7 @@ def judge_avatar(
     subject: Subject, chosen: Sequence[Peer], scene: Scene, preset: Preset, rasteriser: Rasteriser, report: Report
 ) -> list[Judged]:
     """Run the codecs on one avatar and look at what they give back."""
-    gaussians, trials, found = subject.avatar.gaussians, Trials(subject.head), list[Trial]()
+    gaussians, trials, found = subject.avatar.gaussians, Trials(subject.head, subject.avatar.motion), list[Trial]()
     few = preset.extent != "full"
     work = [(peer, one) for peer in chosen if peer.lacking() is None for one in peer.settings(few, gaussians.sh_degree)]
     try:

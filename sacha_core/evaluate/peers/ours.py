@@ -1,6 +1,11 @@
-"""Our own codec by its levels, through the same door as the others: no picture is rendered for it."""
+"""Our own codec by its levels, through the same door as the others: steps by its rules alone, or by what rendering tells them.
+
+Source: own.
+"""
 
 from __future__ import annotations
+
+from functools import partial
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
@@ -9,10 +14,11 @@ from sacha_core.codec import encode as encode_sacha
 from sacha_core.codec.levels import level_at
 from sacha_core.evaluate.peers.lossless import nothing
 from sacha_core.evaluate.peers.peer import Ground, Parts, Peer, Setting
+from sacha_core.rate.curvature import importance_of
 
-__all__ = ["NAME", "PEERS"]
+__all__ = ["NAME", "PEERS", "RULES"]
 
-NAME = "sacha"
+NAME, RULES = "sacha", "sacha-rules"
 LEVELS = (0, 1, 2, 3, 4, 5, 6)
 
 
@@ -21,10 +27,11 @@ def settings(few: bool, sh_degree: int) -> tuple[Setting, ...]:  # noqa: ARG001
     return tuple(Setting(f"level {level}", "local", {"level": level}) for level in LEVELS)
 
 
-def encode(splats: Gaussians, ground: Ground, setting: Setting) -> Parts:
-    """Encode without a motion."""
-    avatar = Avatar(splats, ground.head.reference)
-    return {"file": encode_sacha(avatar, level_at(float(setting.options["level"])), head=ground.head)}
+def encode(rendered: bool, splats: Gaussians, ground: Ground, setting: Setting) -> Parts:
+    """Encode without a motion; `rendered`: after looking at the avatar in its motion."""
+    head, level = ground.head, level_at(float(setting.options["level"]))
+    importance = importance_of(Avatar(splats, head.reference, ground.motion), head) if rendered else None
+    return {"file": encode_sacha(Avatar(splats, head.reference), level, head=head, importance=importance)}
 
 
 def decode(parts: Parts, ground: Ground) -> Gaussians:
@@ -32,4 +39,7 @@ def decode(parts: Parts, ground: Ground) -> Gaussians:
     return decode_sacha(parts["file"], head=ground.head).gaussians
 
 
-PEERS = (Peer(NAME, "SACHA", nothing, settings, encode, decode),)
+PEERS = (
+    Peer(NAME, "SACHA", nothing, settings, partial(encode, True), decode),
+    Peer(RULES, "SACHA without rendering", nothing, settings, partial(encode, False), decode),
+)

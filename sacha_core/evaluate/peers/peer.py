@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.avatar.motion import Motion
 from sacha_core.codec.template import template_of
 from sacha_core.errors import SachaError
 from sacha_core.flame.model import HeadModel
@@ -42,7 +43,7 @@ class Setting:
 
     name: str
     domain: Domain = "world"
-    options: Mapping[str, float | str] = field(default_factory=dict)
+    options: Mapping[str, int | float | str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -51,9 +52,11 @@ class Ground:
 
     Args:
         head: the head model.
+        motion: of the avatar, which an encoder may look at, and a decoder never does; None where there is none.
     """
 
     head: HeadModel
+    motion: Motion | None = None
 
     @cached_property
     def frames(self) -> TriangleFrames:

@@ -10,6 +10,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 
 from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.avatar.motion import Motion
 from sacha_core.errors import SachaError
 from sacha_core.evaluate.peers.peer import Ground, Parts, Peer, Setting, visible
 from sacha_core.evaluate.peers.registry import find_peer
@@ -53,7 +54,9 @@ class Trial:
         return len(self.parts[BINDINGS]) if BINDINGS in self.parts else None
 
 
-def try_codec(name: str, gaussians: Gaussians, head: HeadModel, setting: Setting) -> Trial:
+def try_codec(
+    name: str, gaussians: Gaussians, head: HeadModel, setting: Setting, motion: Motion | None = None
+) -> Trial:
     """Encode and decode.
 
     Args:
@@ -61,11 +64,12 @@ def try_codec(name: str, gaussians: Gaussians, head: HeadModel, setting: Setting
         gaussians: bound, in triangle units.
         head: that they are bound to.
         setting: of the codec.
+        motion: of the avatar, for encoders that look at it.
 
     Raises:
         SachaError: the codec failed, or gave back another avatar.
     """
-    peer, ground = find_peer(name), Ground(head)
+    peer, ground = find_peer(name), Ground(head, motion)
     given = ground.to_domain(gaussians if peer.lossless else visible(gaussians), setting.domain)
     _ = ground.place  # known beforehand, not part of the times
     begun = time.perf_counter()
@@ -83,17 +87,20 @@ class Trials:
 
     Args:
         head: that all avatars are bound to.
+        motion: of the avatars, for encoders that look at it.
     """
 
-    def __init__(self, head: HeadModel) -> None:
-        self._head = head
+    def __init__(self, head: HeadModel, motion: Motion | None = None) -> None:
+        self._head, self._motion = head, motion
         self._pool: ProcessPoolExecutor | None = None
 
     def __call__(self, peer: Peer, gaussians: Gaussians, setting: Setting) -> Trial:
         """Run one codec at one setting; what goes wrong is told in the result."""
         self._pool = self._pool or ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
         try:
-            return self._pool.submit(try_codec, peer.name, gaussians, self._head, setting).result(peer.limit_s)
+            return self._pool.submit(try_codec, peer.name, gaussians, self._head, setting, self._motion).result(
+                peer.limit_s
+            )
         except Late:
             failure = f"took more than {peer.limit_s:.0f} s"
             self.end()

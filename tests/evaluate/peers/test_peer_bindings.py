@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sacha_core.evaluate.peers.bindings import decode_bindings, encode_bindings, how_coded
@@ -15,6 +15,7 @@ GROUND = Ground(open_head("synthetic"))
 N_FACES = GROUND.head.n_faces
 
 
+@settings(max_examples=12)  # each goes through LZMA four times
 @given(st.lists(st.integers(0, N_FACES - 1), max_size=60), st.booleans())
 def test_any_bindings_come_back(faces: list[int], along_the_head: bool) -> None:
     binding = np.array(faces, np.int32)

@@ -50,7 +50,7 @@ def test_only_what_no_renderer_draws_is_left_out() -> None:
 
 def test_columns_hold_all_that_a_gaussian_is() -> None:
     given = visible(AVATAR.gaussians)
-    back = gaussians_of(columns_of(given, thinnest=50), given.binding)
+    back = gaussians_of(columns_of(given, thinnest=50.0), given.binding)
     np.testing.assert_allclose(back.sh_dc, given.sh_dc, atol=1e-4)  # the transform's constants have four digits
     np.testing.assert_allclose(back.sh_rest, given.sh_rest, atol=1e-4)
     np.testing.assert_allclose(back.log_scale, given.log_scale, atol=1e-6)
