@@ -1,6 +1,7 @@
 r"""Section `Position`: means in the frames of their triangles, or in world axes, from where their place lies on the unposed head.
 
-Where places are triangles they lie at the centroid, where places are vertices, at the vertex. Whichever domain takes fewer bytes.
+Where places are triangles they lie at the centroid, where places are vertices, at the vertex. An encoder takes the domain that is likely
+to need fewer bytes.
 
 Source: own.
 """
@@ -12,7 +13,7 @@ from jaxtyping import Float, Int
 
 from sacha_core.codec.choice import PLAIN, Worth
 from sacha_core.codec.order import Layout
-from sacha_core.codec.predicted import decode_predicted, encode_predicted
+from sacha_core.codec.predicted import decode_predicted, encode_predicted, rough_bits
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import MAX_EXPONENT, PER_OCTAVE, STEPS, Classes, StepRule, dequantise
 
@@ -36,16 +37,20 @@ def encode_position(
 ) -> tuple[bytes, Float[np.ndarray, "n 3"]]:
     """Code positions by a rule for triangle units; give the section and what the decoder will have."""
     values = np.rint(position.astype(np.float64) / UNIT).astype(np.int64)
-    coded, decoded = encode_predicted(layout, values, position_steps(layout, classes, rule, TRIANGLE), worth)
-    best = bytes([TRIANGLE]) + rule.pack() + coded
-    result = dequantise(decoded, UNIT)
+    steps = position_steps(layout, classes, rule, TRIANGLE)
+    domain = TRIANGLE
     if layout.template.known:
-        rule = rule_for_world(layout, rule)
-        values = to_world(layout, position)
-        coded, decoded = encode_predicted(layout, values, position_steps(layout, classes, rule, WORLD), worth)
-        if len(coded) + 1 + len(rule.pack()) < len(best):
-            return bytes([WORLD]) + rule.pack() + coded, from_world(layout, decoded)
-    return best, result
+        world_rule, world_values = rule_for_world(layout, rule), to_world(layout, position)
+        world_steps = position_steps(layout, classes, world_rule, WORLD)
+        if rough_bits(layout, world_values, world_steps) < rough_bits(layout, values, steps):
+            domain, rule, values, steps = WORLD, world_rule, world_values, world_steps
+    coded, decoded = encode_predicted(layout, values, steps, worth)
+    return bytes([domain]) + rule.pack() + coded, in_triangles(layout, decoded, domain)
+
+
+def in_triangles(layout: Layout, values: Int[np.ndarray, "n 3"], domain: int) -> Float[np.ndarray, "n 3"]:
+    """Give positions in triangle units, float32."""
+    return from_world(layout, values) if domain == WORLD else dequantise(values, UNIT)
 
 
 def rule_for_world(layout: Layout, rule: StepRule) -> StepRule:
@@ -90,5 +95,6 @@ def decode_position(reader: ByteReader, layout: Layout, classes: Classes) -> Flo
     if domain not in (TRIANGLE, WORLD) or (domain == WORLD and not layout.template.known):
         raise reader.error(f"domain {domain}, expected {TRIANGLE} (triangles) or, with the head, {WORLD} (world)")
     rule = StepRule.unpack(reader)
-    values = decode_predicted(reader, layout, position_steps(layout, classes, rule, domain), 3)
-    return from_world(layout, values) if domain == WORLD else dequantise(values, UNIT)
+    return in_triangles(
+        layout, decode_predicted(reader, layout, position_steps(layout, classes, rule, domain), 3), domain
+    )

@@ -22,7 +22,7 @@ from sacha_core.codec.prediction import LIMIT, Linear, Mixture, Prediction, fit_
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.symbols import SymbolReader, SymbolWriter
 
-__all__ = ["decode_levels", "decode_predicted", "encode_levels", "encode_predicted"]
+__all__ = ["decode_levels", "decode_predicted", "encode_levels", "encode_predicted", "rough_bits"]
 
 P = TypeVar("P", bound=Prediction)
 
@@ -68,6 +68,13 @@ def encode_levels(
         levels, known = choose_levels(layout, start(), steps, plan, Chooser(worth, bits))
         plan = fit_plan(layout, levels, steps)
     return plan.pack() + write_levels(layout, levels, steps, plan).finish(), known
+
+
+def rough_bits(layout: Layout, values: Int[np.ndarray, "n c"], steps: Int[np.ndarray, "n w"]) -> float:
+    """Give roughly the bits that `encode_predicted` would take, for encoders to compare."""
+    steps = np.broadcast_to(steps, values.shape)
+    levels, _ = choose_levels(layout, Linear(fit_mixture(layout, values, steps), values), steps, None, Chooser())
+    return float(np.log2(1 + np.abs(levels)).sum())
 
 
 def choose_levels(

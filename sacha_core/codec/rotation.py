@@ -1,7 +1,7 @@
 r"""Section `Rotation`: orientations, as turns from what neighbours let expect (`turning`).
 
 In the axes of the triangles, or in those of the world, in which Gaussians on triangles of different frames can be compared: whichever
-takes fewer bytes.
+is likely to take fewer bytes.
 
 Source: own.
 """
@@ -32,6 +32,7 @@ PERMUTATIONS = {
     (1, 2, 0): (0.5, 0.5, 0.5, 0.5),
     (2, 0, 1): (0.5, -0.5, -0.5, -0.5),
 }
+TRIALS = ((1, 0), (1, 2), (0, 1), (0, 0))  # trust in neighbours and in mates that an encoder tries
 Rules = tuple[StepRule, ...]
 
 
@@ -62,22 +63,23 @@ def encode_rotation(
 ) -> tuple[bytes, Float[np.ndarray, "n 4"]]:
     """Code unit quaternions that match sorted axes; give the section and what the decoder will have."""
     steps = steps_of(rules, classes)
-    best, decoded = b"", np.zeros((0, 4), np.float32)
-    for domain in (TRIANGLE, WORLD) if layout.template.known else (TRIANGLE,):
-        targets = quaternion.T.astype(np.float64)
-        if domain == WORLD:
-            targets = multiply(frame_quaternions(layout), targets)
-        weights = choose_weights(layout, targets, steps)
-        coded, known = encode_levels(layout, lambda w=weights, t=targets: Turning(w, t), steps, worth)  # type: ignore[misc]
-        if not best or len(coded) < len(best):
-            best = bytes([domain]) + b"".join(rule.pack() for rule in rules) + weights.pack() + coded
-            decoded = in_triangle(layout, known.quaternions, domain)
-    return best, decoded
+    targets, domain = quaternion.T.astype(np.float64), TRIANGLE
+    weights, bits = choose_weights(layout, targets, steps)
+    if layout.template.known:
+        turned = multiply(frame_quaternions(layout), targets)
+        world_weights, world_bits = choose_weights(layout, turned, steps)
+        if world_bits < bits:
+            targets, domain, weights = turned, WORLD, world_weights
+    coded, known = encode_levels(layout, lambda: Turning(weights, targets), steps, worth)
+    head = bytes([domain]) + b"".join(rule.pack() for rule in rules) + weights.pack()
+    return head + coded, in_triangle(layout, known.quaternions, domain)
 
 
-def choose_weights(layout: Layout, targets: Float[np.ndarray, "4 n"], steps: Int[np.ndarray, "n 3"]) -> TurnWeights:
-    """Choose the trust for each kind of pass, by the bits that what is left would roughly take, without quantising."""
-    trials = [TurnWeights(np.tile(pair, (KINDS, 1))) for pair in ((1, 0), (1, 2), (0, 1), (0, 0))]
+def choose_weights(
+    layout: Layout, targets: Float[np.ndarray, "4 n"], steps: Int[np.ndarray, "n 3"]
+) -> tuple[TurnWeights, float]:
+    """Choose the trust for each kind of pass, by the bits that what is left would roughly take; give it and them."""
+    trials = [TurnWeights(np.tile(pair, (KINDS, 1))) for pair in TRIALS]
     bits = np.zeros((len(trials), KINDS))
     for number, trial in enumerate(trials):
         known = Turning(trial, targets)
@@ -86,7 +88,8 @@ def choose_weights(layout: Layout, targets: Float[np.ndarray, "4 n"], steps: Int
             known.enter(step)
             bits[number, step.kind] += np.log2(1 + np.abs(known.turns()) / steps[step.rows]).sum()
     best = bits.argmin(axis=0)
-    return TurnWeights(np.stack([trials[best[kind]].weights[kind] for kind in range(KINDS)]))
+    chosen = TurnWeights(np.stack([trials[best[kind]].weights[kind] for kind in range(KINDS)]))
+    return chosen, float(bits.min(axis=0).sum())
 
 
 def frame_quaternions(layout: Layout) -> Float[np.ndarray, "4 n"]:
