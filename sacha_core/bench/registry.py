@@ -43,6 +43,7 @@ BENCHES = {
     "posing": Place("posing", "Posing the head in float32 and float64."),
     "playback": Place("playback", "Opening and playing a .sacha file."),
     "codec": Place("codec", "Levels of compression: time, bytes, PSNR."),
+    "motion": Place("motion", "Frames of a motion: bytes against vertex error, in files and in packets."),
     "train": Place("train", "Training: budget against quality, and what an iteration costs."),
     "stability": Place("stability", "Hard cases, each with what must happen."),
     "skips": Place("skips", "What is skipped, what that saves, and its proof.", drawn=False),

@@ -39,8 +39,8 @@ class Options:
 
     sacha bench codec a.ply b.sacha --head rig.npz --motion m.npz --plot rd.png --sheet look.png     our codec beside others
 
-    Benches: raster, posing, playback, codec, train, stability, skips, cuda. Candidates are timed turn by turn in one process after a
-    warm-up; times are medians.
+    Benches: raster, posing, playback, codec, motion, train, stability, skips, cuda. Candidates are timed turn by turn in one process
+    after a warm-up; times are medians.
     """
 
     what: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="WHAT")]

@@ -18,7 +18,7 @@ from sacha_core.codec.decoder import Source, read_header, read_source
 from sacha_core.codec.displacement import displacement_products
 from sacha_core.codec.encoder import encode, pad
 from sacha_core.codec.frame_fit import levels_of
-from sacha_core.codec.frame_model import PARAMETERS
+from sacha_core.codec.frame_model import PARAMETERS, FrameModel
 from sacha_core.codec.frame_search import search_frames
 from sacha_core.codec.header import LOSSY
 from sacha_core.codec.importance import GaussianImportance
@@ -96,6 +96,11 @@ class Encoder:
         self._motion, self._live, self._group_frames = motion, live, group_frames
         self._waiting = motion.frames(slice(0))
         self._number, self._finished = 0, False
+
+    @property
+    def model(self) -> FrameModel:
+        """How frames are expected, for all groups."""
+        return self._model
 
     def packets(self) -> Iterator[bytes]:
         """Give all packets of the avatar's own motion, the avatar first.

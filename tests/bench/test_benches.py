@@ -18,7 +18,7 @@ from sacha_core.progress import silent
 
 RASTER_KEYS = {"n", "height", "width", "channels", "threads", "forward_ms", "backward_ms", "total_ms", "max_error"}
 PIXEL = 2e-5  # float32 rounding of some tens of blended terms, as in the tests of the rasteriser
-MEASURED = ("raster", "posing", "codec", "train", "playback")
+MEASURED = ("raster", "posing", "codec", "motion", "train", "playback")
 _found: dict[str, Bench] = {}
 
 

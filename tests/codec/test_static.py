@@ -50,10 +50,7 @@ def coded_nearby(offsets: np.ndarray, template: Template) -> bytes:
 
 
 @pytest.mark.parametrize("kind", ["smooth", "nothing", "noise"])
-@pytest.mark.parametrize(
-    "way",
-    [ONE_BY_ONE, NEARBY],
-)
+@pytest.mark.parametrize("way", [ONE_BY_ONE, NEARBY])
 def test_the_page_alone_decodes_the_same_values(head, template, kind, way):
     v = len(head.v_template)
     noise = np.random.default_rng(0).normal(0, 1e-3, (v, 3))
