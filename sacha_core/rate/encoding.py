@@ -16,7 +16,7 @@ from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.rate.curvature import importance_of
 from sacha_core.rate.visibility import PRUNING_BITS, Grounds, grounds_for, prune
 
-__all__ = ["Encoded", "RenderingEncoder", "encode_by_rendering"]
+__all__ = ["Encoded", "Prepared", "RenderingEncoder", "encode_by_rendering"]
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,23 @@ class Encoded:
     data: bytes
     level: Level
     rows: Int[np.ndarray, " m"]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What is to be encoded.
+
+    Args:
+        avatar: without the Gaussians that are left out.
+        level: that they were left out for.
+        rows: (m,) which of the avatar's Gaussians are left.
+        importance: of these.
+    """
+
+    avatar: Avatar
+    level: Level
+    rows: Int[np.ndarray, " m"]
+    importance: GaussianImportance
 
 
 class RenderingEncoder:
@@ -62,6 +79,16 @@ class RenderingEncoder:
         self.pruning_bits, self._rasteriser = pruning_bits, Rasteriser()
         self._measured: tuple[Grounds, GaussianImportance] | None = None
 
+    def prepare(self, level: int | Level) -> Prepared:
+        """Leave out what is not worth its bits at a level."""
+        chosen = level if isinstance(level, Level) else level_named(level)
+        grounds, importance = self._measure()
+        gaussians = self._avatar.gaussians
+        least = self.pruning_bits * price_of_a_bit(gaussians, self._head, chosen, importance)
+        rows = prune(gaussians, grounds, least, self._rasteriser)
+        left = replace(self._avatar, gaussians=gaussians.select(rows))
+        return Prepared(left, chosen, rows, importance.select(rows))
+
     def encode(self, level: int | Level) -> Encoded:
         """Encode at a level.
 
@@ -69,15 +96,11 @@ class RenderingEncoder:
             FormatError: the avatar is not finite, or has values beyond what the format holds.
             HeadError: `head` is not the one that the avatar names.
         """
-        chosen = level if isinstance(level, Level) else level_named(level)
-        grounds, importance = self._measure()
-        gaussians = self._avatar.gaussians
-        least = self.pruning_bits * price_of_a_bit(gaussians, self._head, chosen, importance)
-        rows = prune(gaussians, grounds, least, self._rasteriser)
-        left = replace(self._avatar, gaussians=gaussians.select(rows))
-        kept = importance.select(rows)
-        data, order = encode_traced(left, chosen, head=self._head, embed_head=self._embed, importance=kept)
-        return Encoded(data, chosen, rows[order])
+        left = self.prepare(level)
+        data, order = encode_traced(
+            left.avatar, left.level, head=self._head, embed_head=self._embed, importance=left.importance
+        )
+        return Encoded(data, left.level, left.rows[order])
 
     def _measure(self) -> tuple[Grounds, GaussianImportance]:
         """Give the views to decide by, and what numbers are worth while all Gaussians are there."""
