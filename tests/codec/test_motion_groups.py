@@ -36,7 +36,6 @@ def stream() -> bytes:
     return encode(random_avatar(3, n_frames=N_FRAMES), 3, group_frames=GROUP)
 
 
-@pytest.mark.xfail(strict=False, reason="version 2 in the making")
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.sacha")), ids=lambda path: path.stem)
 def test_groups_of_published_files_make_up_the_whole(path):
     whole, opened = decode(path), open_stream(path)

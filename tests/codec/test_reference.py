@@ -14,8 +14,6 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.codec import decode, embedded_head, encode
 from sacha_core.flame.model import HeadModel
 
-pytestmark = pytest.mark.xfail(strict=False, reason="version 2 in the making")
-
 
 def assert_as_specified(data: bytes, head: HeadModel) -> None:
     """Both decoders give the same bits."""
@@ -29,7 +27,6 @@ def assert_as_specified(data: bytes, head: HeadModel) -> None:
             assert array.tobytes() == expected.tobytes(), name
 
 
-@pytest.mark.xfail(strict=False, reason="version 2 in the making")
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.sacha")), ids=lambda path: path.stem)
 def test_published_files(path):
     data = path.read_bytes()
