@@ -294,7 +294,8 @@ def test_static(n_shape, n_offsets, seed):
     rng = np.random.default_rng(seed)
     shape = rng.normal(0, 2, n_shape).astype(np.float32)
     offset = rng.normal(0, 1e-3, (n_offsets, 3)).astype(np.float32)
-    shape_back, offset_back = decode_static(reader(encode_static(shape, offset, 0.01, 1e-4)), n_shape, n_offsets)
+    data = encode_static(shape, offset, 0.01, 1e-4)
+    shape_back, offset_back = decode_static(reader(data), n_shape, n_offsets, unknown_template(0))
     assert np.abs(shape_back - shape).max(initial=0) <= 0.005 * (1 + FLOAT32_ROUNDING) + FLOAT32_ROUNDING * 10
     assert np.abs(offset_back - offset).max(initial=0) <= 5e-5 * (1 + FLOAT32_ROUNDING) + FLOAT32_ROUNDING
 
