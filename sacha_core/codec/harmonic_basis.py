@@ -38,8 +38,8 @@ def fit_transform(rest: Float[np.ndarray, "n k 3"], metric: Metric, rule: StepRu
     scale = peaks * (BASIS_ONE / PEAK)  # of a component's value over that of the function
     exponents = np.rint(PER_OCTAVE * np.log2(scale)).astype(np.int64)
     low, high = -rule.base - rule.low, MAX_EXPONENT - rule.base - rule.most
-    energy = np.einsum("n,nfa->fa", metric.weight, np.square(whitened))
-    counts = [used(energy[:, axis], lagrangian) for axis in range(AXES)]
+    energy = (metric.weight @ np.square(whitened).reshape(len(whitened), AXES * whitened.shape[2])).reshape(AXES, -1)
+    counts = [used(of_axis, lagrangian) for of_axis in energy]
     n_functions = max(counts)
     exponents = np.clip(exponents[:n_functions], max(low, -128), min(high, 127))
     return Transform(rule, tuple(counts), axes, basis[:n_functions], exponents)
@@ -63,8 +63,9 @@ def on_axes(rest: Float[np.ndarray, "n k 3"], axes: Int[np.ndarray, "3 3"]) -> F
 
 def colour_axes(rest: Float[np.ndarray, "n k 3"], metric: Metric) -> Float[np.ndarray, "3 3"]:
     """Orthonormal axes of colours, that of the most energy first."""
-    wide = rest.astype(np.float64)
-    energy = np.einsum("nka,nkb->ab", metric.left @ wide, wide)
+    single = rest.astype(np.float32)
+    energy = (metric.left @ single).reshape(-1, AXES).T.astype(np.float64) @ single.reshape(-1, AXES)
+    energy = (energy + energy.T) / 2
     _, axes = np.linalg.eigh(energy)
     rows = axes[:, ::-1].T
     return np.asarray(rows * np.where(rows.sum(axis=1, keepdims=True) < 0, -1.0, 1.0))
@@ -72,7 +73,7 @@ def colour_axes(rest: Float[np.ndarray, "n k 3"], metric: Metric) -> Float[np.nd
 
 def principal_functions(
     coefficients: Float[np.ndarray, "n k 3"], metric: Metric
-) -> tuple[Float[np.ndarray, "n k 3"], Float[np.ndarray, "k k"]]:
+) -> tuple[Float[np.ndarray, "n 3 k"], Float[np.ndarray, "k k"]]:
     """Give the values of components in which errors are worth as much as of degree 0, and the coefficients of each function."""
     k = coefficients.shape[1]
     mean = metric.left.sum(axis=0, dtype=np.float64) / max(metric.weight.sum(), 1e-30)
@@ -80,8 +81,8 @@ def principal_functions(
     values, vectors = np.linalg.eigh(mean)
     values = np.maximum(values, values[-1] * 1e-9)
     root, inverse = (vectors * values**power @ vectors.T for power in (0.5, -0.5))
-    whitened = np.einsum("jk,nka->nja", root, coefficients)
-    heavy = whitened * np.sqrt(metric.weight)[:, None, None]
-    _, rotation = np.linalg.eigh(np.einsum("nja,nka->jk", heavy, heavy))
+    whitened = coefficients.transpose(0, 2, 1).reshape(len(coefficients) * AXES, k) @ root
+    heavy = whitened * np.repeat(np.sqrt(metric.weight), AXES)[:, None]
+    _, rotation = np.linalg.eigh(heavy.T @ heavy)
     rotation = rotation[:, ::-1]
-    return np.einsum("jf,nja->nfa", rotation, whitened), (inverse @ rotation).T
+    return (whitened @ rotation).reshape(len(coefficients), AXES, k), (inverse @ rotation).T

@@ -11,14 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from sacha_core.codec.harmonic_basis import fit_transform, on_axes
 from sacha_core.codec.harmonic_contexts import N_CONTEXTS, Activity, ActivityPlan
 from sacha_core.codec.harmonic_fitting import fit_activity
 from sacha_core.codec.harmonic_metric import Metric
 from sacha_core.codec.harmonics import AXES, BASIS_ONE, GROUPS, TERMS, UNIT, WEIGHT_BITS, Neighbourhood, Transform
-from sacha_core.codec.order import MATES, Layout, weighted_mean
+from sacha_core.codec.order import FULL_TRUST, MATES, Layout
 from sacha_core.codec.steps import MAX_EXPONENT, PER_OCTAVE, Classes, StepRule
 from sacha_core.codec.symbols import LevelBits, SymbolWriter
 
@@ -60,8 +60,8 @@ class Problem:
     steps: Int[np.ndarray, "n c"]
     lagrangian: float
 
-    def trimmed(self, levels: Int[np.ndarray, "n c"]) -> tuple[Problem, Int[np.ndarray, "n d"]]:
-        """Leave out, axis by axis, the last functions with too few levels to be worth their bytes; of the levels likewise."""
+    def trimmed(self, levels: Int[np.ndarray, "n c"]) -> tuple[Problem, Bool[np.ndarray, " c"]]:
+        """Leave out, axis by axis, the last functions with too few levels to be worth their bytes; tell which components stay."""
         used = np.count_nonzero(levels, axis=0) >= 1 + len(levels) // ONE_IN
         functions, axis = self.transform.functions, self.transform.axis
         counts = tuple(int((functions[(axis == a) & used] + 1).max(initial=0)) for a in range(AXES))
@@ -74,7 +74,7 @@ class Problem:
         )
         kept = functions < np.array(counts)[axis]
         quadratic, linear = self.quadratic[:, :most, :most], self.linear[:, :most]
-        return Problem(transform, quadratic, linear, self.steps[:, kept], self.lagrangian), levels[:, kept]
+        return Problem(transform, quadratic, linear, self.steps[:, kept], self.lagrangian), kept
 
 
 def encode_harmonics(
@@ -101,9 +101,14 @@ def encode_harmonics(
     rule, lagrangian = at_price(rule, classes, metric, price)
     transform = fit_transform(sh_rest, metric, rule, lagrangian)
     problem = pose(transform, sh_rest, metric, classes, lagrangian)
-    levels, _ = choose(layout, problem, fit_neighbourhood(layout, problem, metric), None)
-    problem, levels = problem.trimmed(levels)
-    transform, neighbourhood = problem.transform, fit_neighbourhood(layout, problem, metric)
+    neighbourhood = fit_neighbourhood(layout, problem, metric)
+    levels, _ = choose(layout, problem, neighbourhood, None)
+    problem, kept = problem.trimmed(levels)
+    transform, neighbourhood, levels = (
+        problem.transform,
+        Neighbourhood(neighbourhood.weights[:, :, kept]),
+        levels[:, kept],
+    )
     plan = fit_activity(layout, levels, transform.rule, classes)
     tables = None
     if levels.size:
@@ -130,17 +135,13 @@ def pose(
     transform: Transform, sh_rest: Float[np.ndarray, "n k 3"], metric: Metric, classes: Classes, lagrangian: float
 ) -> Problem:
     """State what is to be coded, in units of components."""
-    functions = transform.basis / BASIS_ONE * UNIT  # (f, k)
-    rows = np.ascontiguousarray(functions.T)
-    seen = metric.left @ rows
-    exact = on_axes(sh_rest, transform.axes)
-    return Problem(
-        transform,
-        np.einsum("kf,nkg->nfg", rows, seen, optimize=True),
-        np.einsum("nkf,nka->nfa", seen, exact, optimize=True),
-        transform.steps(classes),
-        lagrangian,
-    )
+    n, k = len(sh_rest), transform.basis.shape[1]
+    rows = np.ascontiguousarray((transform.basis / BASIS_ONE * UNIT).T.astype(np.float32))  # (k, f)
+    seen = (metric.left.reshape(n * k, k) @ rows).reshape(n, k, rows.shape[1])
+    turned = np.ascontiguousarray(seen.transpose(0, 2, 1))
+    quadratic = (turned.reshape(n * rows.shape[1], k) @ rows).reshape(n, rows.shape[1], rows.shape[1])
+    linear = turned @ on_axes(sh_rest, transform.axes).astype(np.float32)
+    return Problem(transform, quadratic, linear, transform.steps(classes), lagrangian)
 
 
 def fit_neighbourhood(layout: Layout, problem: Problem, metric: Metric) -> Neighbourhood:
@@ -150,22 +151,36 @@ def fit_neighbourhood(layout: Layout, problem: Problem, metric: Metric) -> Neigh
     if not n_components:
         return Neighbourhood(np.zeros((GROUPS, TERMS, 0), np.int64))
     scale = np.einsum("nff->f", problem.quadratic) / max(metric.weight.sum(), 1e-30)
-    ridge = np.diag(scale * RIDGE * metric.weight.mean())
+    ridge = np.diag(scale * RIDGE * metric.weight.mean()).astype(np.float32)
     wanted = np.linalg.solve(problem.quadratic + ridge, problem.linear)
-    wanted = wanted[:, transform.functions, transform.axis]
+    wanted = np.ascontiguousarray(wanted[:, transform.functions, transform.axis])
     normal = np.tile(np.eye(TERMS) * 1e-30, (GROUPS, n_components, 1, 1))
     right = np.zeros((GROUPS, n_components, TERMS))
-    rounded = np.rint(wanted).astype(np.int64)
     for step in layout.passes:
-        group, weight = int(step.kind == MATES), metric.weight[step.rows]
-        near = weighted_mean(rounded, step.near, step.trust)
-        terms = np.stack([near, weighted_mean(rounded, step.mates, step.mate_trust)], axis=2).astype(np.float64)
-        heavy = terms * weight[:, None, None]
-        normal[group] += np.einsum("pct,pcu->ctu", heavy, terms)
-        right[group] += np.einsum("pct,pc->ct", heavy, wanted[step.rows])
+        group, weight = int(step.kind == MATES), metric.weight[step.rows, None].astype(np.float32)
+        terms = [mean_of(wanted, step.near, step.trust), mean_of(wanted, step.mates, step.mate_trust)]
+        for row, term in enumerate(terms):
+            heavy = term * weight
+            right[group, :, row] += (heavy * wanted[step.rows]).sum(axis=0)
+            for column in range(row + 1):
+                product = (heavy * terms[column]).sum(axis=0)
+                normal[group, :, row, column] += product
+                if column != row:
+                    normal[group, :, column, row] += product
     solved = np.einsum("gctu,gcu->gct", np.linalg.pinv(normal, rcond=1e-6, hermitian=True), right)
     sent = np.clip(np.rint(solved * (1 << WEIGHT_BITS)), -127, 127).astype(np.int64)
     return Neighbourhood(np.moveaxis(sent, 2, 1))
+
+
+def mean_of(
+    values: Float[np.ndarray, "n c"], rows: Int[np.ndarray, "p k"], trust: Int[np.ndarray, "p k"]
+) -> Float[np.ndarray, "p c"]:
+    """Mean of the values at `rows` by trust."""
+    total = np.zeros((len(rows), values.shape[1]), values.dtype)
+    for column in range(rows.shape[1]):
+        if trust[:, column].any():
+            total += values[rows[:, column]] * (trust[:, column, None] / np.float32(FULL_TRUST))
+    return total
 
 
 def choose(
@@ -202,7 +217,7 @@ def descend(
         mine = np.flatnonzero(transform.axis == axis)
         left[:, :, axis] -= np.einsum("pfg,pg->pf", quadratic[:, :, transform.functions[mine]], expected[:, mine])
     levels = np.zeros(expected.shape, np.int64)
-    for _ in range(SWEEPS):
+    for _ in range(SWEEPS if prices else 1):
         for component, (function, axis) in enumerate(transform.components):
             step, before = steps[:, component], levels[:, component]
             gain = curvature[:, function] * step

@@ -93,13 +93,15 @@ def weigh(
     if measured is None:
         whole = shape * by_rule[:, None, None].astype(np.float32)
     else:
-        weight = measured[:, 0, 0].astype(np.float64)
-        share = UNMEASURED * weight.sum() / max(by_rule.sum(), 1e-30)
-        seen = shape * (share * by_rule + RING_SHARE * weight)[:, None, None].astype(np.float32) + measured
-        whole = seen / np.float32(1 + RING_SHARE)
+        seen = measured[:, 0, 0].astype(np.float64) / (1 + RING_SHARE)
+        share = UNMEASURED * seen.sum() / max(by_rule.sum(), 1e-30)
+        whole = shape * (share * by_rule + RING_SHARE * seen)[:, None, None].astype(np.float32)
+        whole += measured * np.float32(1 / (1 + RING_SHARE))
     weight = np.maximum(whole[:, 0, 0], 1e-30).astype(np.float64)
     fold = whole[:, 0, 1:] / weight[:, None].astype(np.float32)
-    return Metric(weight, fold, whole[:, 1:, 1:] - whole[:, 0, 1:, None] * fold[:, None])
+    left = np.ascontiguousarray(whole[:, 1:, 1:])
+    left -= whole[:, 0, 1:, None] * fold[:, None]
+    return Metric(weight, fold, left)
 
 
 def ring_metric(normals: Float[np.ndarray, "n 3"] | None, n_coefficients: int) -> Float[np.ndarray, "m k1 k1"]:
