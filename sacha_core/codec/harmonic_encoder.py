@@ -19,7 +19,7 @@ from sacha_core.codec.harmonic_fitting import fit_activity
 from sacha_core.codec.harmonic_metric import Metric
 from sacha_core.codec.harmonics import AXES, BASIS_ONE, GROUPS, TERMS, UNIT, WEIGHT_BITS, Neighbourhood, Transform
 from sacha_core.codec.order import FULL_TRUST, MATES, Layout
-from sacha_core.codec.steps import MAX_EXPONENT, PER_OCTAVE, Classes, StepRule
+from sacha_core.codec.steps import PER_OCTAVE, Classes, StepRule
 from sacha_core.codec.symbols import LevelBits, SymbolWriter
 
 __all__ = ["encode_harmonics"]
@@ -127,8 +127,7 @@ def at_price(rule: StepRule, classes: Classes, metric: Metric, price: float | No
     if price is None:
         return rule, cost
     finer = round(PER_OCTAVE / 2 * np.log2(price / max(cost, 1e-30)))
-    base = min(max(rule.base + finer, -rule.low), MAX_EXPONENT - rule.most)
-    return replace(rule, base=base), price
+    return rule.moved(finer), price
 
 
 def pose(
