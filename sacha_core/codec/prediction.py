@@ -10,7 +10,6 @@ Source: own.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -20,7 +19,7 @@ from jaxtyping import Float, Int
 from sacha_core.codec.order import KINDS, Layout, Pass, weighted_mean
 from sacha_core.codec.reading import ByteReader
 
-__all__ = ["LIMIT", "Linear", "Mixture", "Prediction", "fit_mixture"]
+__all__ = ["LIMIT", "Linear", "Mixture", "Prediction", "fit_mixture", "trusted"]
 
 LIMIT = 1 << 40  # no attribute comes near; a decoder stops before sums could leave 64 bits
 TERMS = 2  # neighbours, mates
@@ -60,8 +59,9 @@ class Mixture:
     def predict(self, step: Pass, values: Int[np.ndarray, "n c"]) -> Int[np.ndarray, "p c"]:
         """Expected values of a pass, from the values known before it."""
         total = np.full((len(step.rows), len(self.centre)), 1 << (WEIGHT_BITS - 1), np.int64)
-        for term, away in enumerate(terms_of(step, values, self.centre)):
-            total += away * self.weights[step.kind, term]
+        for weights, (rows, trust) in zip(self.weights[step.kind], lists_of(step), strict=True):
+            if weights.any() and trusted(trust):
+                total += (weighted_mean(values, rows, trust) - self.centre) * weights
         return np.asarray(self.centre + (total >> WEIGHT_BITS))
 
     def pack(self) -> bytes:
@@ -109,9 +109,12 @@ class Linear:
 
     def expected(self, component: int) -> Int[np.ndarray, " p"]:
         """Give what a component is expected to be, from neighbours, mates and earlier components."""
+        across = self._mixture.across[component]
+        if not across.any():
+            return np.asarray(self._expected[:, component])
         total = np.full(len(self._rows), 1 << (WEIGHT_BITS - 1), np.int64)
         for before in range(component):
-            total += self._off[:, before] * self._mixture.across[component, before]
+            total += self._off[:, before] * across[before]
         return np.asarray(self._expected[:, component] + (total >> WEIGHT_BITS))
 
     def residual(self, component: int) -> Int[np.ndarray, " p"]:
@@ -125,13 +128,14 @@ class Linear:
         self.values[self._rows, component] = value
 
 
-def terms_of(
-    step: Pass, values: Int[np.ndarray, "n c"], centre: Int[np.ndarray, " c"]
-) -> Iterator[Int[np.ndarray, "p c"]]:
-    """Means of neighbours and of mates less the centre; 0 where there are none."""
-    for rows, trust in ((step.near, step.trust), (step.mates, step.mate_trust)):
-        there = trust.sum(axis=1, keepdims=True) > 0
-        yield np.where(there, weighted_mean(values, rows, trust) - centre, 0)
+def lists_of(step: Pass) -> tuple[tuple[Int[np.ndarray, "p k"], Int[np.ndarray, "p k"]], ...]:
+    """Neighbours and mates, with the trust in them: one for each term."""
+    return (step.near, step.trust), (step.mates, step.mate_trust)
+
+
+def trusted(trust: Int[np.ndarray, "p k"]) -> bool:
+    """Tell whether the Gaussians of a pass have any such neighbours: all have, or none."""
+    return bool(trust[0].any())
 
 
 def fit_mixture(layout: Layout, values: Int[np.ndarray, "n c"], steps: Int[np.ndarray, "n c"]) -> Mixture:
@@ -141,8 +145,9 @@ def fit_mixture(layout: Layout, values: Int[np.ndarray, "n c"], steps: Int[np.nd
     terms, kinds = np.zeros((n, n_components, TERMS)), np.zeros(n, np.int64)
     for step in layout.passes:
         kinds[step.rows] = step.kind
-        for term, away in enumerate(terms_of(step, values, centre)):
-            terms[step.rows, :, term] = away
+        for term, (rows, trust) in enumerate(lists_of(step)):
+            if trusted(trust):
+                terms[step.rows, :, term] = weighted_mean(values, rows, trust) - centre
     weights = np.zeros((KINDS, TERMS, n_components), np.int64)
     across = np.zeros((n_components, n_components), np.int64)
     off = (values - centre).astype(np.float64)

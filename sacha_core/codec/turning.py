@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.codec.order import KINDS, Pass
+from sacha_core.codec.prediction import trusted
 from sacha_core.codec.reading import ByteReader
 
 __all__ = ["UNIT", "TurnWeights", "Turning", "conjugate", "multiply", "nearest_to", "rotation_vector", "turn_of"]
@@ -95,7 +96,7 @@ class TurnWeights:
         total = np.zeros((4, len(step.rows)))
         near, mates = self.weights[step.kind].tolist()
         for weight, rows, trust in ((mates, step.mates, step.mate_trust), (near, step.near, step.trust)):
-            if weight and trust.any():
+            if weight and trusted(trust):
                 for column in range(rows.shape[1]):
                     share = (weight * trust[:, column]).astype(np.float64)
                     total = total + nearest_to(known[:, rows[:, column]], total) * share
