@@ -104,7 +104,7 @@ def search_frames(task: FrameTask) -> FrameModel:
     unit = task.aim * FIRST_GUESS / np.sqrt(np.count_nonzero(reach)) if measured else 1.0
 
     def fresh(unit: float) -> FrameModel:
-        return first_model(task.values, task.kinds, reach, task.fixed_steps, unit, live=task.live)
+        return first_model(whole.values, task.kinds, reach, task.fixed_steps, unit, live=task.live)
 
     model = fresh(unit)
     if not len(task.values):

@@ -10,6 +10,7 @@ from reference_motion import WIDTHS, dynamic_of
 from synthetic_avatars import random_motion, small_head
 
 from sacha_core.avatar.motion import Motion
+from sacha_core.codec import frame_search
 from sacha_core.codec.adaptive import compiled_kernels
 from sacha_core.codec.displacement import displacement_products, error_of
 from sacha_core.codec.frame_coder import choose_frames, decode_frames, encode_frames
@@ -101,6 +102,20 @@ def test_a_conversation_costs_less_than_the_goal(seed):
                 )
                 < GOAL_MM
             )
+
+
+def test_what_moves_where_the_search_did_not_look_is_kept_too(head, monkeypatch):
+    """A motion too long to be looked at whole, with a jaw that opens once, in a group between."""
+    monkeypatch.setattr(frame_search, "SAMPLE", 6000)
+    monkeypatch.setattr(frame_search, "PLAIN_SAMPLE", 6000)
+    motion = converse(head, 600, seed=5)
+    motion.jaw[:] = 0
+    motion.jaw[280:300, 0] = 0.2
+    section = encode_motion(motion, LEVELS[2], GROUP, displacement_products(head, motion))
+    back = decoded(section, motion)
+    assert np.abs(back.jaw - motion.jaw).max() < 0.01
+    assert vertex_error_mm(head, motion, back) < (1 + LINEAR) * LEVELS[2].vertex_error_mm
+    assert len(section) < 1.15 * len(motion) * LEVEL_BYTES[2]
 
 
 def test_displacements_are_those_of_posing(head, talk):
