@@ -24,7 +24,7 @@ from sacha_core.codec.symbols import LevelBits, SymbolWriter
 
 __all__ = ["encode_harmonics"]
 
-SQUARED_STEPS = 18.0  # of the picture's change by a step, for a bit: coarse steps and rare levels are cheapest
+SQUARED_STEPS = 27.0  # of the picture's change by a step, for a bit: coarse steps and rare levels are cheapest
 SWEEPS = 2
 RIDGE = 0.01  # of the mean weight: draws what no camera sees towards nothing
 ZERO_BITS, LEVEL_BITS, OCTAVE_BITS = 0.15, 3.5, 2.0  # of levels, before their tables are known

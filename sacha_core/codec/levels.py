@@ -135,7 +135,7 @@ COLOUR_RULES = (  # luma, then the colour differences
     StepRule(4, 3, 1, 0, -24, 36, 79),
     StepRule(5, 3, 0, 0, -24, 40, 83),
 )
-HARMONIC_RULE = StepRule(4, 2, 0, 0, -24, 44, 85)  # of a component whose errors are worth as much as those of degree 0
+HARMONIC_RULE = StepRule(4, 2, 0, 0, -24, 44, 87)  # of a component whose errors are worth as much as those of degree 0
 
 
 def level_named(level: int) -> Level:
