@@ -14,7 +14,7 @@ from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.bench.codec_scene import COVERED, cameras_of, own_psnr
 from sacha_core.bench.preset import Preset, Subject
 from sacha_core.bench.result import Row
-from sacha_core.codec import decode, encode, inspect
+from sacha_core.codec import decode, inspect
 from sacha_core.errors import SachaError
 from sacha_core.evaluate.peers import frames as routes
 from sacha_core.evaluate.peers.ours import NAME as OURS
@@ -25,6 +25,7 @@ from sacha_core.geometry.triangle import TriangleFrames, triangle_frames
 from sacha_core.progress import Progress, Report
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.scene import render_avatar
+from sacha_core.rate.encoding import encode_by_rendering
 
 __all__ = ["sequence_rows"]
 
@@ -123,7 +124,7 @@ def route(how: str, which: int, clip: Clip, subject: Subject, ground: Ground, ta
     count = len(clip.splats)
     world = [IN_THE_WORLD] * count
     if how == "ours":
-        data = encode(clip.avatar, which, head=subject.head)
+        data = encode_by_rendering(clip.avatar, which, head=subject.head)
         back, found = decode(data, head=subject.head), inspect(data)
         assert back.motion is not None
         pose = Poser(subject.head, back.motion)

@@ -11,10 +11,11 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.codec import decode as decode_sacha
 from sacha_core.codec import encode as encode_sacha
+from sacha_core.codec import inspect
 from sacha_core.codec.levels import level_at
 from sacha_core.evaluate.peers.lossless import nothing
 from sacha_core.evaluate.peers.peer import Ground, Parts, Peer, Setting
-from sacha_core.rate.curvature import importance_of
+from sacha_core.rate.encoding import encode_by_rendering
 
 __all__ = ["NAME", "PEERS", "RULES"]
 
@@ -28,10 +29,11 @@ def settings(few: bool, sh_degree: int) -> tuple[Setting, ...]:  # noqa: ARG001
 
 
 def encode(rendered: bool, splats: Gaussians, ground: Ground, setting: Setting) -> Parts:
-    """Encode without a motion; `rendered`: after looking at the avatar in its motion."""
+    """Encode; `rendered`: after looking at the avatar in its motion, which then goes into the file, too."""
     head, level = ground.head, level_at(float(setting.options["level"]))
-    importance = importance_of(Avatar(splats, head.reference, ground.motion), head) if rendered else None
-    return {"file": encode_sacha(Avatar(splats, head.reference), level, head=head, importance=importance)}
+    if rendered:
+        return {"file": encode_by_rendering(Avatar(splats, head.reference, ground.motion), level, head=head)}
+    return {"file": encode_sacha(Avatar(splats, head.reference), level, head=head)}
 
 
 def decode(parts: Parts, ground: Ground) -> Gaussians:
@@ -39,7 +41,12 @@ def decode(parts: Parts, ground: Ground) -> Gaussians:
     return decode_sacha(parts["file"], head=ground.head).gaussians
 
 
+def count(parts: Parts) -> int:
+    """Give the bytes of the Gaussians, header and tables included."""
+    return inspect(parts["file"]).gaussian_bytes
+
+
 PEERS = (
-    Peer(NAME, "SACHA", nothing, settings, partial(encode, True), decode),
+    Peer(NAME, "SACHA", nothing, settings, partial(encode, True), decode, count=count),
     Peer(RULES, "SACHA without rendering", nothing, settings, partial(encode, False), decode),
 )

@@ -127,6 +127,7 @@ class Peer:
         decode: gives the Gaussians, in any order, from the bytes alone.
         lossless: whether every bit comes back.
         limit_s: how long one operating point may take.
+        count: bytes that describe the Gaussians, where the parts hold a motion besides; by default all.
     """
 
     name: str
@@ -137,6 +138,7 @@ class Peer:
     decode: Callable[[Parts, Ground], Gaussians]
     lossless: bool = False
     limit_s: float = 300.0
+    count: Callable[[Parts], int] = lambda parts: sum(map(len, parts.values()))
 
 
 def visible(gaussians: Gaussians) -> Gaussians:

@@ -30,6 +30,7 @@ class Trial:
         setting: of it.
         parts: the bytes that a decoder needs, by what they are; empty where it failed.
         gaussians: decoded, bound, in triangle units; None where it failed.
+        n_bytes: all bytes that describe the Gaussians.
         encode_s: seconds of wall time, tools that are started included.
         decode_s: likewise.
         failure: why there is no result; empty where there is one.
@@ -39,14 +40,10 @@ class Trial:
     setting: Setting
     parts: Parts
     gaussians: Gaussians | None
+    n_bytes: int
     encode_s: float
     decode_s: float
     failure: str = ""
-
-    @property
-    def n_bytes(self) -> int:
-        """All bytes."""
-        return sum(len(part) for part in self.parts.values())
 
     @property
     def binding_bytes(self) -> int | None:
@@ -79,7 +76,7 @@ def try_codec(
     done = time.perf_counter()
     bound = ground.from_domain(decoded, setting.domain)
     bound.validate(head.n_faces)
-    return Trial(name, setting, parts, bound, coded - begun, done - coded)
+    return Trial(name, setting, parts, bound, peer.count(parts), coded - begun, done - coded)
 
 
 class Trials:
@@ -109,7 +106,7 @@ class Trials:
             self.end()
         except (SachaError, OSError, ValueError, RuntimeError, ArithmeticError, LookupError, TypeError) as error:
             failure = f"{type(error).__name__}: {' '.join(str(error).split())}"[:300]
-        return Trial(peer.name, setting, {}, None, 0.0, 0.0, failure)
+        return Trial(peer.name, setting, {}, None, 0, 0.0, 0.0, failure)
 
     def end(self) -> None:
         """End the process, whatever it does."""
