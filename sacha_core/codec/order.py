@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Int
 
 from sacha_core.codec.anchors import middle_of, triangle_of
+from sacha_core.codec.gathers import compiled_gathers
 from sacha_core.codec.places import FULL_TRUST, TRUST_BITS, Places, nearest_known
 from sacha_core.codec.template import Template
 
@@ -96,6 +97,12 @@ def weighted_mean(
     values: Int[np.ndarray, "n ..."], rows: Int[np.ndarray, "p k"], trust: Int[np.ndarray, "p k"]
 ) -> Int[np.ndarray, "p ..."]:
     """Mean of the values at `rows` by trust, halves up; 0 where there is no trust."""
+    compiled = compiled_gathers(len(values)) if trust.any() else None
+    if compiled and values.dtype == np.int64:
+        mean = np.empty((len(rows), *values.shape[1:]), np.int64)
+        flat = values.reshape(len(values), -1)
+        compiled.mean_rows(flat, rows, np.ascontiguousarray(trust), TRUST_BITS, mean.reshape(len(rows), -1))
+        return mean
     shape = (len(rows),) + (1,) * (values.ndim - 1)
     total = np.full((len(rows), *values.shape[1:]), FULL_TRUST // 2, np.int64)
     if trust.any():

@@ -10,13 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic_avatars import small_head
 
+from sacha_core.codec import turning
+from sacha_core.codec.kernels import gathers
 from sacha_core.codec.order import KINDS, layout_by_triangle, layout_by_vertex
 from sacha_core.codec.predicted import decode_predicted, encode_predicted
 from sacha_core.codec.prediction import LIMIT, Linear, Mixture, fit_mixture
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.rotation import choose_weights
 from sacha_core.codec.template import template_of
-from sacha_core.codec.turning import Turning, multiply
+from sacha_core.codec.turning import Turning, TurnWeights, multiply
 from sacha_core.errors import FormatError
 
 HEAD = small_head()
@@ -135,3 +137,30 @@ def test_orientations_are_predicted_from_whom_they_resemble():
             if step.kind == 3:
                 assert np.abs(residual).max() <= 1  # of 2^-14: firsts are rounded once
             known.learn(component, residual)
+
+
+@pytest.mark.parametrize("columns", [(), (1,), (3,)])
+@pytest.mark.parametrize("n_seen", [0, 1, 4, 8])
+def test_compiled_means_are_those_of_numpy(columns, n_seen):
+    """Oracle: the array operations, to the bit."""
+    rng = np.random.default_rng(n_seen)
+    values = rng.integers(-(2**40), 2**40, (600, *columns))
+    rows = rng.integers(0, 600, (70, n_seen))
+    trust = rng.multinomial(64, np.ones(n_seen) / max(n_seen, 1), 70) if n_seen else rows
+    mean = np.empty((70, *columns), np.int64)
+    gathers.mean_rows(values.reshape(600, -1), rows, trust, 6, mean.reshape(70, -1))
+    plain = (np.einsum("pk...,pk->p...", values[rows], trust) + 32) >> 6
+    assert np.array_equal(mean, plain)
+
+
+def test_compiled_orientations_are_those_of_numpy(monkeypatch):
+    """Oracle: the array operations, to the bit, ties of dot products included."""
+    layout, rng = crowded(4), np.random.default_rng(4)
+    known = rng.normal(0, 1, (4, len(layout)))
+    known[:, ::3] = rng.integers(-1, 2, (4, len(known[0, ::3])))
+    weights = TurnWeights(rng.integers(1, 256, (KINDS, 2)))
+    monkeypatch.setattr(turning, "compiled_gathers", lambda _: None)
+    plain = [weights.expect(step, known) for step in layout.passes]
+    monkeypatch.setattr(turning, "compiled_gathers", lambda _: gathers)
+    for step, expected in zip(layout.passes, plain, strict=True):
+        assert weights.expect(step, known).tobytes() == expected.tobytes()
