@@ -75,7 +75,7 @@ class RenderingEncoder:
         seed: int = 0,
     ) -> None:
         avatar.gaussians.validate(head.n_faces)
-        self._avatar, self._head, self._embed, self._seed = avatar, head, embed_head, seed
+        self._avatar, self.head, self._embed, self._seed = avatar, head, embed_head, seed
         self.pruning_bits, self._rasteriser = pruning_bits, Rasteriser()
         self._measured: tuple[Grounds, GaussianImportance] | None = None
 
@@ -84,7 +84,7 @@ class RenderingEncoder:
         chosen = level if isinstance(level, Level) else level_named(level)
         grounds, importance = self._measure()
         gaussians = self._avatar.gaussians
-        least = self.pruning_bits * price_of_a_bit(gaussians, self._head, chosen, importance)
+        least = self.pruning_bits * price_of_a_bit(gaussians, self.head, chosen, importance)
         rows = prune(gaussians, grounds, least, self._rasteriser)
         left = replace(self._avatar, gaussians=gaussians.select(rows))
         return Prepared(left, chosen, rows, importance.select(rows))
@@ -98,15 +98,15 @@ class RenderingEncoder:
         """
         left = self.prepare(level)
         data, order = encode_traced(
-            left.avatar, left.level, head=self._head, embed_head=self._embed, importance=left.importance
+            left.avatar, left.level, head=self.head, embed_head=self._embed, importance=left.importance
         )
         return Encoded(data, left.level, left.rows[order])
 
     def _measure(self) -> tuple[Grounds, GaussianImportance]:
         """Give the views to decide by, and what numbers are worth while all Gaussians are there."""
         if self._measured is None:
-            importance = importance_of(self._avatar, self._head, self._seed, self._rasteriser)
-            self._measured = grounds_for(self._avatar, self._head), importance
+            importance = importance_of(self._avatar, self.head, self._seed, self._rasteriser)
+            self._measured = grounds_for(self._avatar, self.head), importance
         return self._measured
 
 

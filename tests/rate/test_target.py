@@ -1,0 +1,90 @@
+"""Finding the level for a size or a quality: against functions whose answer is known, and on a small avatar."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sacha_core.avatar.avatar import Avatar
+from sacha_core.avatar.binding import initial_gaussians
+from sacha_core.codec import decode, encode
+from sacha_core.codec.levels import MAX_QUALITY, MIN_QUALITY, level_at
+from sacha_core.errors import OptionError
+from sacha_core.flame.model import HeadModel
+from sacha_core.flame.synthetic import synthetic_head
+from sacha_core.rate.encoding import RenderingEncoder
+from sacha_core.rate.judging import Judge
+from sacha_core.rate.target import encode_to_psnr, encode_to_size, parse_size, search
+
+
+@pytest.fixture(scope="module")
+def head() -> HeadModel:
+    return synthetic_head("small")
+
+
+@pytest.fixture(scope="module")
+def avatar(head: HeadModel) -> Avatar:
+    gaussians = initial_gaussians(head.n_faces, np.random.default_rng(0), 0)
+    gaussians.opacity_logit[:] = 2
+    return Avatar(gaussians, head.reference)
+
+
+@given(st.floats(-0.9, 5.9), st.floats(0.2, 3), st.sampled_from([-0.01, 0.05]))
+def test_a_rising_curve_is_met_on_the_right_side(place: float, bend: float, tolerance: float) -> None:
+    """Oracle: the curve itself, which is neither straight nor of the slope that was said."""
+
+    def measure(quality: float) -> float:
+        return 3 * quality + bend * math.sin(quality)
+
+    target = measure(place)
+    tried = search(measure, target, 5.0, tolerance)
+    best = min(tried.values(), key=lambda found: abs(found - target - tolerance / 2))
+    assert 0 <= (best - target) * math.copysign(1, tolerance) <= max(abs(tolerance), 4 * 0.01)
+
+
+@pytest.mark.parametrize("target", [-100.0, 100.0])
+def test_what_is_out_of_reach_ends_at_the_range(target: float) -> None:
+    tried = search(lambda quality: quality, target, 1.0, 0.05)
+    assert (min(tried) if target < 0 else max(tried)) == (MIN_QUALITY if target < 0 else MAX_QUALITY)
+    assert len(tried) < 5
+
+
+@pytest.mark.parametrize(
+    ("text", "n_bytes"), [("300KB", 300_000), ("0.3 mb", 300_000), ("250KiB", 256_000), ("1234", 1234), (".5kB", 500)]
+)
+def test_sizes_are_read(text: str, n_bytes: int) -> None:
+    assert parse_size(text) == n_bytes
+
+
+@pytest.mark.parametrize("text", ["", "KB", "-3KB", "3 GB", "1e3", "0", "nan"])
+def test_what_is_no_size_is_refused(text: str) -> None:
+    with pytest.raises(OptionError, match="a size of"):
+        parse_size(text)
+
+
+def test_a_size_is_kept_and_a_better_file_would_not_fit(avatar: Avatar, head: HeadModel) -> None:
+    encoder = RenderingEncoder(avatar, head)
+    wanted = 2500
+    found = encode_to_size(encoder, wanted)
+    assert 0.93 * wanted <= len(found.encoded.data) <= wanted
+    assert len(decode(found.encoded.data, head=head).gaussians) == len(found.encoded.rows)
+    with pytest.raises(OptionError, match=r"300 bytes is out of reach; the smallest of this avatar takes [0-9,]+$"):
+        encode_to_size(encoder, 300)
+    roomy = encode_to_size(encoder, 10**7)
+    assert roomy.encoded.level.quality == MAX_QUALITY
+
+
+def test_a_quality_is_reached_and_not_by_much_more(avatar: Avatar, head: HeadModel) -> None:
+    """Oracle: the judge's measure over all views of what comes out of the decoder."""
+    encoder, judge = RenderingEncoder(avatar, head), Judge(avatar, head)
+    found = encode_to_psnr(encoder, judge, 38.0)
+    reached = judge.full(decode(found.encoded.data, head=head).gaussians)
+    assert found.psnr_db == reached
+    assert 38.0 <= reached < 38.6
+    assert len(found.encoded.data) < len(encode(avatar, level_at(found.encoded.level.quality + 1), head=head))
+    with pytest.raises(OptionError, match=r"150 dB are out of reach; the best file of this avatar has [0-9.]+ dB"):
+        encode_to_psnr(encoder, judge, 150)
