@@ -172,5 +172,8 @@ def search(
             part = (aim - tried[low]) / max(tried[high] - tried[low], 1e-9)
             quality = low + min(max(part, 0.1), 0.9) * (high - low)
         else:
+            if len(tried) > 1:
+                (first, before), (second, after) = list(tried.items())[-2:]
+                slope = max((after - before) / (second - first), slope / 4)
             quality = min(max(quality + (aim - tried[quality]) / slope, low), high)
     return tried

@@ -28,8 +28,12 @@ def head() -> HeadModel:
 
 @pytest.fixture(scope="module")
 def avatar(head: HeadModel) -> Avatar:
-    gaussians = initial_gaussians(head.n_faces, np.random.default_rng(0), 0)
-    gaussians.opacity_logit[:] = 2
+    rng = np.random.default_rng(0)
+    gaussians = initial_gaussians(head.n_faces, rng, 0)
+    gaussians.opacity_logit[:] = rng.normal(2, 1, len(gaussians))
+    for name, spread in (("position", 0.1), ("log_scale", 0.4), ("quaternion", 0.3), ("sh_dc", 0.5)):
+        value = getattr(gaussians, name)
+        value += rng.normal(0, spread, value.shape).astype(np.float32)
     return Avatar(gaussians, head.reference)
 
 
@@ -42,8 +46,9 @@ def test_a_rising_curve_is_met_on_the_right_side(place: float, bend: float, tole
 
     target = measure(place)
     tried = search(measure, target, 5.0, tolerance)
-    best = min(tried.values(), key=lambda found: abs(found - target - tolerance / 2))
-    assert 0 <= (best - target) * math.copysign(1, tolerance) <= max(abs(tolerance), 4 * 0.01)
+    side = math.copysign(1, tolerance)
+    best = min(side * (found - target) for found in tried.values() if side * (found - target) >= 0)
+    assert best <= max(abs(tolerance), 6 * 0.01)  # a bracket of 0.01 levels, at the steepest
 
 
 @pytest.mark.parametrize("target", [-100.0, 100.0])
@@ -68,7 +73,7 @@ def test_what_is_no_size_is_refused(text: str) -> None:
 
 def test_a_size_is_kept_and_a_better_file_would_not_fit(avatar: Avatar, head: HeadModel) -> None:
     encoder = RenderingEncoder(avatar, head)
-    wanted = 2500
+    wanted = 3500
     found = encode_to_size(encoder, wanted)
     assert 0.93 * wanted <= len(found.encoded.data) <= wanted
     assert len(decode(found.encoded.data, head=head).gaussians) == len(found.encoded.rows)
