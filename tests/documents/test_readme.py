@@ -18,14 +18,17 @@ def blocks(language):
     return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
 
 
-def test_python_example_runs(capsys):
-    (example,) = blocks("python")
+def test_python_examples_run(capsys):
+    example, streaming = blocks("python")
     names: dict[str, object] = {}
     exec(compile(example, "README.md", "exec"), names)
     assert names["picture"].shape == (401, 275, 3)
     assert names["picture"].min() < 0.9, "something is drawn"
     assert names["counts"].sum() == names["head"].n_faces
     assert f"{len(names['stream'])} bytes" in capsys.readouterr().out
+    exec(compile(streaming, "README.md", "exec"), names)
+    told = capsys.readouterr().out.split("\n")
+    assert [line.split()[0] for line in told if line] == ["avatar", "frames", "frames", "0"]
 
 
 @pytest.mark.parametrize(
