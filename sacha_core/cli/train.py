@@ -11,13 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Optional
 import tyro
 
 from sacha_core.cli.common import Common, HeadSource, MaybeInt, PixelsOption, require_both_sides
-from sacha_core.cli.console import Console, table
+from sacha_core.cli.console import Console, kilobytes, table
 from sacha_core.cli.waiting import duration
 from sacha_core.errors import OptionError
 from sacha_core.stopwatch import Stopwatch
 
 if TYPE_CHECKING:
+    from sacha_core.flame.model import HeadModel
+    from sacha_core.interchange.capture import Capture
     from sacha_core.train.options import TrainOptions
+    from sacha_core.train.output import TrainedModel
 
 __all__ = ["INPUTS", "Options", "run"]
 
@@ -28,6 +31,7 @@ Variant = Literal[
     "ga", "default", "default-seen", "rad", "rad-gp-lgs", "rad-gp-pis", "default-gp-pis", "paper", "mask", "sacha",
     "paper-inverted", "paper-random", "sacha-inverted", "sacha-random", "sacha-uniform",
 ]  # fmt: skip
+MaybeLevel = Optional[Literal[1, 2, 3, 4]]  # noqa: UP045 (see cli/common.py)
 MaybePreset = Optional[Literal["paper"]]  # noqa: UP045 (see cli/common.py)
 ITERATIONS = 6000  # some minutes on two cores
 
@@ -82,6 +86,10 @@ class Options:
     set_: Annotated[tuple[str, ...], tyro.conf.arg(name="set", metavar="OPTION=VALUE...", help_behavior_hint="")] = ()
     """Change any option by its name: pruning.ratio=0.3 density.means=visible. `sacha train --list-options` tells all."""
 
+    finetune_level: Annotated[MaybeLevel, tyro.conf.arg(metavar="1|2|3|4", help_behavior_hint="")] = None
+    """After training, fit the avatar through the quantiser of this level, and write level-N.sacha into the folder: half a decibel to
+    two more than `sacha encode MODEL --level N` gives at the same size."""
+
     timings: bool = False
     """Tell at the end where an iteration's time went."""
 
@@ -131,6 +139,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     if stages:
         rows = [(row["stage"], f"{row['ms_per_iteration']:.3f}", f"{row['share']:.1%}") for row in stages]
         console.say(f"\n{table(('stage', 'ms an iteration', 'share'), rows)}")
+    tuned = None if options.finetune_level is None else write_tuned(options, trained, capture, head, console)
     console.hint(
         f"sacha evaluate {trained.folder} {options.dataset}",
         f"sacha encode {trained.folder} -o {trained.folder.with_suffix('.sacha')}",
@@ -146,8 +155,37 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         "faults": asdict(trained.faults),
         "device": trained.device,
         "training_seconds": seconds,
+        "tuned": tuned,
         "timings": stages,
     }
+
+
+def write_tuned(
+    options: Options, trained: TrainedModel, capture: Capture, head: HeadModel, console: Console
+) -> dict[str, Any]:
+    """Fit the model through the quantiser to what it was trained on, write the file, and tell of both."""
+    from sacha_core.avatar.avatar import Avatar
+    from sacha_core.files import write_aside
+    from sacha_core.rate.finetune import TuningOptions
+    from sacha_core.rate.pictures import CaptureSteps
+    from sacha_core.rate.tuned import encode_tuned
+    from sacha_core.train.views import TrainingViews
+
+    level = options.finetune_level
+    assert level is not None
+    path = trained.folder / f"level-{level}.sacha"
+    avatar = Avatar(trained.gaussians, head.reference, trained.motion)
+    steps = CaptureSteps(TrainingViews(capture, options.width, options.height))
+    how = TuningOptions(loss="training", threads=options.threads, seed=options.seed)
+    start = time.perf_counter()
+    data = encode_tuned(avatar, level, head=head, steps=steps, options=how, report=console.report)
+    seconds = time.perf_counter() - start
+    with write_aside(path) as aside:
+        aside.write_bytes(data)
+    console.wrote(
+        "avatar", path, f"level {level}, {kilobytes(len(data))}, fitted through its quantiser in {duration(seconds)}"
+    )
+    return {"file": path, "level": level, "bytes": len(data), "seconds": seconds}
 
 
 def stage_times(watch: Stopwatch) -> list[dict[str, Any]]:

@@ -39,7 +39,7 @@ ALIKE = LossOptions(sensitivity=0.0, position=0.0, scale=0.0)  # to look like th
 def starting_rates() -> LearningRates:
     """Give the learning rates at the start; positions in triangle units."""
     return LearningRates(
-        position=0.0006, log_scale=0.0015, quaternion=0.0003, opacity_logit=0.006, sh_dc=0.00075, sh_rest=0.00004
+        position=0.001, log_scale=0.0025, quaternion=0.0005, opacity_logit=0.01, sh_dc=0.00125, sh_rest=0.00006
     )
 
 
