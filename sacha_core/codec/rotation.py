@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 
 from sacha_core.codec.choice import PLAIN, Worth
 from sacha_core.codec.frames import quaternions_of
-from sacha_core.codec.order import KINDS, Layout
+from sacha_core.codec.order import KINDS, MATES, Layout
 from sacha_core.codec.predicted import decode_levels, encode_levels
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import Classes, StepRule
@@ -85,6 +85,9 @@ def choose_weights(
         known = Turning(trial, targets)
         known.quaternions = targets
         for step in layout.passes:
+            if step.kind != MATES and trial.weights[0, 1]:  # without mates the trial is another's twin
+                bits[number, step.kind] = np.inf
+                continue
             known.enter(step)
             bits[number, step.kind] += np.log2(1 + np.abs(known.turns()) / steps[step.rows]).sum()
     best = bits.argmin(axis=0)
