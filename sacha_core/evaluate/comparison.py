@@ -11,7 +11,7 @@ import numpy as np
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import PLY_BYTES_PER_GAUSSIAN, Gaussians
-from sacha_core.codec import decode, encode, inspect
+from sacha_core.codec import decode, inspect
 from sacha_core.evaluate.views import evaluate_avatar, evaluation_motion
 from sacha_core.evaluate.visibility import visible_gaussians
 from sacha_core.files import write_aside
@@ -19,6 +19,7 @@ from sacha_core.flame.model import HeadModel
 from sacha_core.interchange.capture import Capture
 from sacha_core.progress import Progress, Report, silent
 from sacha_core.raster.rasteriser import Rasteriser
+from sacha_core.rate.encoding import RenderingEncoder
 from sacha_core.regions.labels import label_triangles, region_counts
 from sacha_core.regions.scheme import PAPER
 
@@ -150,7 +151,8 @@ class Judge:
             gaussians, self._head, motion, self._capture.train, first.width, first.height, self._rasteriser
         )
         view, expression = self._quality(name, avatar)
-        levels = {level: self._level(name, avatar, level, folder) for level in LEVELS}
+        encoder = RenderingEncoder(avatar, self._head)
+        levels = {level: self._level(name, encoder, level, folder) for level in LEVELS}
         counts = (self._by_region(gaussians), self._by_region(gaussians.select(visible)))
         return VariantResult(len(gaussians), int(np.count_nonzero(visible)), *counts, view, expression, levels)
 
@@ -158,10 +160,10 @@ class Judge:
         counts = region_counts(self._labels, gaussians.binding)
         return {region: int(count) for region, count in zip(PAPER.regions, counts, strict=True)}
 
-    def _level(self, name: str, avatar: Avatar, level: int, folder: Path) -> LevelResult:
+    def _level(self, name: str, encoder: RenderingEncoder, level: int, folder: Path) -> LevelResult:
         file = folder / f"{name}-{level}.sacha"
         with write_aside(file) as aside:
-            aside.write_bytes(encode(avatar, level, head=self._head))
+            aside.write_bytes(encoder.encode(level).data)
         sizes = inspect(file)
         view, expression = self._quality(f"{name}, level {level}", decode(file, head=self._head))
         n_bytes = sizes.total_bytes - sizes.head_bytes
