@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from sacha_core.codec.symbols import LevelBits
+from sacha_core.codec.grouping import LevelBits
 
 __all__ = ["PLAIN", "Chooser", "Worth"]
 

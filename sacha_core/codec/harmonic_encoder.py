@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from sacha_core.codec.grouping import LevelBits
 from sacha_core.codec.harmonic_basis import fit_transform, on_axes
 from sacha_core.codec.harmonic_contexts import N_CONTEXTS, Activity, ActivityPlan
 from sacha_core.codec.harmonic_fitting import fit_activity
@@ -20,7 +21,7 @@ from sacha_core.codec.harmonic_metric import Metric
 from sacha_core.codec.harmonics import AXES, BASIS_ONE, GROUPS, TERMS, UNIT, WEIGHT_BITS, Neighbourhood, Transform
 from sacha_core.codec.order import FULL_TRUST, MATES, Layout
 from sacha_core.codec.steps import PER_OCTAVE, Classes, StepRule
-from sacha_core.codec.symbols import LevelBits, SymbolWriter
+from sacha_core.codec.symbols import SymbolWriter
 
 __all__ = ["encode_harmonics"]
 

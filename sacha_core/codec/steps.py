@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 
 from sacha_core.codec.reading import ByteReader
 
-__all__ = ["MAX_EXPONENT", "MAX_HIDDEN", "PER_OCTAVE", "STEPS", "Classes", "StepRule", "dequantise", "quantise"]
+__all__ = ["MAX_EXPONENT", "MAX_HIDDEN", "PER_OCTAVE", "STEPS", "Classes", "StepRule", "dequantise"]
 
 PER_OCTAVE = 8
 MAX_HIDDEN = 7
@@ -83,15 +83,6 @@ class StepRule:
         """Give the rule with its base moved by so much, or as far as the table of steps allows."""
         return replace(self, base=max(min(self.base + exponent, MAX_EXPONENT - self.most), -self.low, 0))
 
-    @property
-    def n_step_classes(self) -> int:
-        """How many octaves of steps there are."""
-        return (self.most - self.low) // PER_OCTAVE + 1
-
-    def step_class(self, classes: Classes) -> Int[np.ndarray, " n"]:
-        """Octave of each Gaussian's step, from 0."""
-        return np.asarray((self.shift(classes) - self.low) // PER_OCTAVE)
-
     def steps(self, classes: Classes) -> Int[np.ndarray, " n"]:
         """Step of each Gaussian, in fine units."""
         return np.asarray(STEPS[self.base + self.shift(classes)])
@@ -113,14 +104,6 @@ class StepRule:
                 f"steps reach from {rule.base + rule.low} to {rule.base + rule.most}, table is 0 to {MAX_EXPONENT}"
             )
         return rule
-
-
-def quantise(
-    residual: Int[np.ndarray, "*rows c"], steps: Int[np.ndarray, "..."], dead_zone: float = 0.0
-) -> Int[np.ndarray, "*rows c"]:
-    """Give the level of each residual: the nearest multiple of its step, but zero for up to `dead_zone` of a step more."""
-    magnitude = np.floor(np.abs(residual) / steps + (0.5 - dead_zone)).astype(np.int64)
-    return np.asarray(np.where(residual < 0, -magnitude, magnitude))
 
 
 def dequantise(values: Int[np.ndarray, "..."], unit: float) -> Float[np.ndarray, "..."]:

@@ -9,54 +9,26 @@ Source: own; the coder is constriction's `AnsCoder` (Bamler, 2022), specified in
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import Any
 
 import constriction
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from sacha_core.codec import tokens as token_split
+from sacha_core.codec.grouping import LevelBits, fit_table, group_contexts
 from sacha_core.codec.reading import ByteReader
-from sacha_core.codec.tables import MAX_TABLES, count_bits, grades_of, read_tables, table_weights, write_tables
+from sacha_core.codec.tables import MAX_TABLES, read_tables, table_weights, write_tables
 from sacha_core.errors import FormatError
 
-__all__ = ["LevelBits", "SymbolReader", "SymbolWriter"]
+__all__ = ["SymbolReader", "SymbolWriter"]
 
-UNSEEN = 0.5
 HEAD = "BII"  # number of tables, bytes of the tables, bytes of the raw bits
 
 
 def make_model(grades: Int[np.ndarray, " a"]) -> Any:
     """Give the entropy model of a table."""
     return constriction.stream.model.Categorical(table_weights(grades), perfect=False)
-
-
-@dataclass(frozen=True)
-class LevelBits:
-    """Bits of integers under contexts, raw bits included.
-
-    Args:
-        table: (c, a) of every token from the least on, in each context.
-    """
-
-    table: Float[np.ndarray, "c a"]
-
-    @classmethod
-    def of_counts(cls, counts: Int[np.ndarray, "c a"]) -> LevelBits:
-        """Give the bits of tokens that occurred so often; one that did not costs what half an occurrence would."""
-        often = np.maximum(counts, UNSEEN)
-        total = np.maximum(counts.sum(axis=1, keepdims=True), 1)
-        tokens = np.arange(counts.shape[1]) - token_split.MAX_TOKEN
-        return cls(np.log2(total / often) + token_split.raw_lengths(tokens))
-
-    def __getitem__(self, contexts: Int[np.ndarray, " c"]) -> LevelBits:
-        """Give those of other contexts, each like one of these."""
-        return LevelBits(self.table[contexts])
-
-    def of(self, values: Int[np.ndarray, " m"], contexts: Int[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
-        """Give the bits of each value in its context."""
-        return np.asarray(self.table[contexts, token_split.split_tokens(values)[0] + token_split.MAX_TOKEN])
 
 
 class SymbolWriter:
@@ -128,48 +100,6 @@ class SymbolWriter:
                     coder.encode_reverse((mine - tables[table][0]).astype(np.int32), models[table])
             end = start
         return bytes(coder.get_compressed().astype("<u4").tobytes())
-
-
-def fit_table(counts: Int[np.ndarray, " a"]) -> tuple[int, Int[np.ndarray, " b"]]:
-    """Give the first token and the grades of a table for symbols of these counts."""
-    seen = np.flatnonzero(counts)
-    return int(seen[0]) - token_split.MAX_TOKEN, grades_of(counts[seen[0] : seen[-1] + 1])
-
-
-def group_contexts(counts: Int[np.ndarray, "c a"]) -> tuple[Int[np.ndarray, " c"], Int[np.ndarray, "g a"]]:
-    """Merge contexts, the most alike first, for as long as that saves bits, tables included.
-
-    Returns:
-        The group of each context (0 for a context that never occurs) and the counts of each group.
-    """
-    group_of = np.zeros(len(counts), np.int64)
-    used = np.flatnonzero(counts.sum(axis=1))
-    columns = np.flatnonzero(counts.sum(axis=0))  # most tokens never occur: leave them out of the arithmetic
-    groups = counts[np.ix_(used, columns)].astype(np.float64)
-    alive = np.ones(len(used), bool)
-    leader = np.arange(len(used))
-    bits = count_bits(groups)
-    saving = np.full((len(used), len(used)), -np.inf)
-    for row in range(len(used) - 1):
-        saving[row, row + 1 :] = bits[row] + bits[row + 1 :] - count_bits(groups[row] + groups[row + 1 :])
-    while alive.sum() > 1:
-        best = int(np.argmax(saving))
-        a, b = divmod(best, len(used))
-        if saving[a, b] <= 0 and alive.sum() <= MAX_TABLES:
-            break
-        groups[a] += groups[b]
-        bits[a] = count_bits(groups[a])
-        alive[b] = False
-        leader[leader == b] = a
-        saving[b, :] = saving[:, b] = -np.inf
-        fresh = bits[a] + bits - count_bits(groups[a] + groups)
-        saving[a, a + 1 :] = np.where(alive[a + 1 :], fresh[a + 1 :], -np.inf)
-        saving[:a, a] = np.where(alive[:a], fresh[:a], -np.inf)
-    kept = np.flatnonzero(alive)
-    group_of[used] = np.searchsorted(kept, leader)
-    merged = np.zeros((len(kept), counts.shape[1]), np.int64)
-    np.add.at(merged, group_of[used], counts[used])
-    return group_of, merged
 
 
 class SymbolReader:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sacha_core.codec.choice import Chooser, Worth
-from sacha_core.codec.symbols import LevelBits
+from sacha_core.codec.grouping import LevelBits
 from sacha_core.codec.tokens import MAX_TOKEN
 
 N = 400

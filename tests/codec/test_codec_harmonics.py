@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sacha_core.codec.grouping import LevelBits
 from sacha_core.codec.harmonic_contexts import N_CONTEXTS, ActivityPlan
 from sacha_core.codec.harmonic_encoder import cheapest, encode_harmonics
 from sacha_core.codec.harmonic_metric import Metric, harmonics, ring_metric, sphere_directions, weigh
@@ -19,7 +20,7 @@ from sacha_core.codec.levels import HARMONIC_RULE
 from sacha_core.codec.order import Layout, layout_by_triangle
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import STEPS, Classes
-from sacha_core.codec.symbols import LevelBits, SymbolReader
+from sacha_core.codec.symbols import SymbolReader
 from sacha_core.codec.template import unknown_template
 from sacha_core.errors import FormatError
 from sacha_core.raster.harmonics import sh_colours

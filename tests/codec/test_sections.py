@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -32,7 +31,7 @@ from sacha_core.codec.rotation import decode_rotation, encode_rotation, sort_axe
 from sacha_core.codec.rotation import steps_of as rotation_steps
 from sacha_core.codec.scale import classes_of, decode_scale, encode_scale, known_classes
 from sacha_core.codec.static import decode_static, encode_static
-from sacha_core.codec.steps import MAX_EXPONENT, STEPS, Classes, StepRule, quantise
+from sacha_core.codec.steps import MAX_EXPONENT, STEPS, Classes, StepRule
 from sacha_core.codec.template import Template, template_of, unknown_template
 from sacha_core.codec.turning import TurnWeights, conjugate, multiply, nearest_to, rotation_vector
 from sacha_core.errors import FormatError
@@ -298,15 +297,6 @@ def test_static(n_shape, n_offsets, seed):
     shape_back, offset_back = decode_static(reader(data), n_shape, n_offsets, unknown_template(0))
     assert np.abs(shape_back - shape).max(initial=0) <= 0.005 * (1 + FLOAT32_ROUNDING) + FLOAT32_ROUNDING * 10
     assert np.abs(offset_back - offset).max(initial=0) <= 5e-5 * (1 + FLOAT32_ROUNDING) + FLOAT32_ROUNDING
-
-
-@given(st.integers(-(10**9), 10**9), st.integers(0, 120), st.floats(0, 0.4))
-def test_quantise_takes_the_nearest_level_but_for_the_dead_zone(residual, exponent, dead_zone):
-    step = int(STEPS[exponent])
-    level = int(quantise(np.array([[residual]]), np.array([[step]]), dead_zone)[0, 0])
-    magnitude = Decimal(abs(residual)) / step
-    assert abs(level) <= magnitude + Decimal("0.5")
-    assert abs(level) > magnitude - Decimal("0.5") - Decimal(dead_zone) - Decimal("1e-9")
 
 
 def test_half_octaves_of_size():

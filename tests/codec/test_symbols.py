@@ -120,3 +120,15 @@ def test_cut_words_are_noticed():
 def test_symbol_beyond_the_range_is_refused_by_the_encoder():
     with pytest.raises(FormatError, match="steps off its prediction"):
         SymbolWriter(1).write(np.array([MAX_VALUE + 1]), np.zeros(1, np.int64))
+
+
+def test_bits_of_levels_add_up_to_the_stream():
+    """Oracle: the stream itself, without its tables, which say the same to half an octave."""
+    values, contexts = laplace_stream(60_000)
+    writer = SymbolWriter(N_CONTEXTS)
+    writer.write(values, contexts)
+    data = writer.finish()
+    n_tables, table_bytes, _ = ByteReader(data, "x").unpack("BII")
+    expected = writer.level_bits().of(values, contexts).sum() / 8
+    assert n_tables == 3
+    assert abs(len(data) - table_bytes - expected) < (OVER_ENTROPY - 1) * expected
