@@ -96,6 +96,7 @@ def decode(source: Source, *, head: HeadModel | None = None) -> Avatar:
     Raises:
         FormatError: the file is damaged, cut, of a newer version, or no `.sacha` file at all.
         HeadError: `head` is another one, or the head is needed and not to be found; the message names it.
+        OptionError: the file was coded by an external program (paper profile), which SACHA_TMC3 does not name.
         OSError: the file cannot be read.
     """
     stream = open_stream(source, head=head)

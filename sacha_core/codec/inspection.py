@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 from sacha_core.codec.container import Section
 from sacha_core.codec.decoder import Source, read_header, read_source
-from sacha_core.codec.header import LOSSY, PROFILES, Header
+from sacha_core.codec.header import LOSSY, PAPER, PROFILES, Header
 from sacha_core.codec.motion import read_motion_head
+from sacha_core.codec.paper import OWN, coder_of
 from sacha_core.codec.paper_tool import tool_name
-from sacha_core.codec.sections import sections_of
+from sacha_core.codec.sections import need, sections_of
 from sacha_core.codec.whole_motion import read_frame_rate
 from sacha_core.flame.model import HeadReference
 
@@ -107,7 +108,7 @@ def inspect(source: Source) -> Inspection:
         version=version,
         level=header.level,
         profile=PROFILES[header.profile],
-        coder=tool_name(sections["Tool"].reader()) if "Tool" in sections else "own coder",
+        coder=coder_name(sections, header),
         head=header.head,
         needs_head=header.needs_head,
         scheme=header.scheme,
@@ -133,3 +134,10 @@ def motion_facts(sections: dict[str, Section], header: Header) -> tuple[float | 
         motion = read_motion_head(reader, header.n_frames, header.n_expression)
         return motion.frame_rate, len(motion.groups)
     return read_frame_rate(reader), min(header.n_frames, 1)
+
+
+def coder_name(sections: dict[str, Section], header: Header) -> str:
+    """Tell what coded the Gaussians."""
+    if header.profile != PAPER or coder_of(sections) == OWN:
+        return "own coder"
+    return tool_name(need(sections, "Tool").reader())
