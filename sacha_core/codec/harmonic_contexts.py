@@ -29,10 +29,7 @@ BOUNDS = STEPS[FIRST_BOUND : FIRST_BOUND + 4 * (SIZE_CLASSES - 1) : 4]  # half o
 CLASS_OF = np.searchsorted(BOUNDS, np.arange(BOUNDS[-1] + 1), side="right")  # of each estimate up to the last bound
 TRANSPARENCIES = 4
 N_CONTEXTS = SIZE_CLASSES * TRANSPARENCIES
-FINE, WIDEST = (
-    64,
-    127,
-)  # exponents: of the step that sizes are measured by where a rule is at its lowest, and at most above it
+FINE, WIDEST = 64, 127  # exponents of scales: where a rule is at its lowest, and at most above it
 MOST = 1 << 28  # sizes stay below, so that sums stay within 64 bits
 
 

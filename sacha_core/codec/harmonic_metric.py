@@ -24,9 +24,7 @@ __all__ = ["Metric", "metric_of", "ring_metric", "weigh"]
 RING_AZIMUTHS = np.radians(np.linspace(-75, 75, 7))
 RING_ELEVATIONS = np.radians([-10.0, 3.0, 16.0])
 AMBIENT = 0.05  # of what faces a camera: Gaussians are seen past their edge as well
-EVERYWHERE = (
-    0.2  # weight of directions all around: who looks from behind or above sees 1 to 3 dB less error for 1 % of bytes
-)
+EVERYWHERE = 0.2  # weight of directions all around: from behind or above 1 to 3 dB less error, for 1 % of bytes
 RING_SHARE = 1.5  # of a measured weight is spread as the ring says: a few noisy views must not tell what the others see
 UNMEASURED = 0.01  # of what was measured stays with what the ring says
 N_SPHERE = 64

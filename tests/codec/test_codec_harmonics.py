@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sacha_core.codec.grouping import LevelBits
+from sacha_core.codec.harmonic_choice import cheapest
 from sacha_core.codec.harmonic_contexts import N_CONTEXTS, ActivityPlan
-from sacha_core.codec.harmonic_encoder import cheapest, encode_harmonics
+from sacha_core.codec.harmonic_encoder import encode_harmonics
 from sacha_core.codec.harmonic_metric import Metric, harmonics, ring_metric, sphere_directions, weigh
 from sacha_core.codec.harmonics import LIMIT, Neighbourhood, Transform, decode_harmonics
 from sacha_core.codec.levels import HARMONIC_RULE
