@@ -8,16 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource, MaybePath
+from sacha_core.cli.common import Common, FileOption, HeadSource, MaybeFloat, MaybePath, MaybeText
 from sacha_core.cli.console import Console, kilobytes
 from sacha_core.cli.inspect import grade
 from sacha_core.errors import OptionError
 
 if TYPE_CHECKING:
-    from sacha_core.avatar.avatar import Avatar
     from sacha_core.avatar.gaussians import Gaussians
     from sacha_core.codec import Inspection
-    from sacha_core.flame.model import HeadModel
 
 __all__ = ["INPUTS", "Options", "run"]
 
@@ -33,6 +31,8 @@ class Options:
     sacha encode MODEL -o a.sacha
 
     sacha encode --ply a.ply --head rig.npz --motion motion.npz -o a.sacha
+
+    sacha encode MODEL --target-size 300KB -o a.sacha
     """
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FILE.sacha")]
@@ -51,6 +51,24 @@ class Options:
 
     level: Literal[1, 2, 3, 4, "archive"] = 2
     """1 is the smallest, 4 the best; `archive` keeps every bit of every number."""
+
+    target_size: Annotated[MaybeText, tyro.conf.arg(metavar="SIZE", help_behavior_hint="(instead of --level)")] = None
+    """The best file of at most this size, motion and all: 300KB, 0.3MB."""
+
+    target_psnr: Annotated[MaybeFloat, tyro.conf.arg(metavar="DB", help_behavior_hint="(instead of --level)")] = None
+    """The smallest file whose pictures are so near those of the uncompressed avatar in its own motion, decibels."""
+
+    no_rendering: bool = False
+    """Go by rules alone, without looking at pictures to tell what is worth its bits: quicker, and a larger file."""
+
+    tune: bool = False
+    """Fit the avatar through the quantiser to its own pictures, for about a minute: the same bytes look better."""
+
+    dataset: Annotated[MaybePath, tyro.conf.arg(metavar="DATASET", help_behavior_hint="")] = None
+    """Fit it to the training images of the capture that it was trained on instead."""
+
+    measure: bool = False
+    """Measure how near the file's pictures are to those of the uncompressed avatar, decibels."""
 
     profile: Literal["sacha", "paper"] = "sacha"
     """`paper` codes as the SACHA paper does, at the rate points 1 to 4 of MPEG's JEE6.2, to compare with."""
@@ -72,6 +90,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         SachaError: avatar, head or motion is broken, or they do not belong together.
         OSError: a file cannot be read or written.
     """
+    from sacha_core.cli.encoding import make, require_consistent
     from sacha_core.cli.inspect import byte_counts
     from sacha_core.cli.sources import open_avatar
     from sacha_core.codec import inspect
@@ -83,44 +102,32 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     assert path is not None
     if options.ply is not None and options.ply.suffix.lower() != ".ply":
         raise OptionError(f"--ply {options.ply}: expected a file whose name ends in .ply")
+    require_consistent(options)
     opened = open_avatar(path, options.head, options.motion)
     avatar = opened.avatar
-    data = encoded(options, avatar, opened.head)
+    made = make(options, avatar, opened.head, console)
+    data = made.data
     with write_aside(options.output) as aside:
         aside.write_bytes(data)
     found = inspect(data)
     raw = ply_bytes(avatar.gaussians)
     tell(options, found, len(avatar.gaussians), raw, console)
+    if made.psnr_db is not None:
+        console.say(f"pictures     {made.psnr_db:.2f} dB from those of the uncompressed avatar")
     console.hint(f"sacha render {options.output} --frame 0 -o {options.output.with_suffix('.png')}")
     return {
         "file": options.output,
-        "level": options.level,
+        "level": options.level if options.level == "archive" else found.level,
+        "psnr_db": made.psnr_db,
+        "n_trials": made.n_trials,
         "n_gaussians": found.n_gaussians,
         "n_gaussians_left_out": len(avatar.gaussians) - found.n_gaussians,
         "n_frames": found.n_frames,
         "raw_bytes": raw,
         "bytes": byte_counts(found),
+        "sections": {section.name: section.n_bytes for section in found.sections},
         "head": asdict(avatar.head),
     }
-
-
-def encoded(options: Options, avatar: Avatar, head: HeadModel) -> bytes:
-    """Compress by the profile that was asked for.
-
-    Raises:
-        OptionError: options contradict each other.
-    """
-    from sacha_core.codec import encode, encode_archive, encode_paper
-
-    if options.tmc3 is not None and options.profile != "paper":
-        raise OptionError("--tmc3 codes the paper's profile; expected --profile paper with it")
-    if options.level == "archive":
-        if options.profile == "paper":
-            raise OptionError("the paper's profile has no level archive; expected --level 1, 2, 3 or 4")
-        return encode_archive(avatar, head=head, embed_head=options.embed_head)
-    if options.profile == "paper":
-        return encode_paper(avatar, options.level, head=head, embed_head=options.embed_head, tmc3=options.tmc3)
-    return encode(avatar, options.level, head=head, embed_head=options.embed_head)
 
 
 def ply_bytes(gaussians: Gaussians) -> int:
@@ -134,7 +141,7 @@ def tell(options: Options, found: Inspection, n_given: int, raw_bytes: int, cons
     console.wrote("avatar", options.output, f"{grade(found)}, {kilobytes(found.total_bytes)}")
     console.say(
         f"gaussians    {kilobytes(found.gaussian_bytes)} for {found.n_gaussians:,}"
-        + (f" ({left_out:,} that never show were left out)" if left_out else "")
+        + (f" ({left_out:,} that are not worth their bits were left out)" if left_out else "")
         + f"; as PLY {kilobytes(raw_bytes)}, {raw_bytes / found.gaussian_bytes:.0f} times as much"
     )
     if found.n_frames:

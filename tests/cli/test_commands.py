@@ -14,14 +14,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from sacha_core.avatar.avatar import Avatar
 from sacha_core.cli.train import Variant
 from sacha_core.codec import decode
 from sacha_core.flame.head_file import load_head
+from sacha_core.flame.shelf import find_head
 from sacha_core.flame.synthetic import synthetic_head
-from sacha_core.interchange.capture import read_capture
+from sacha_core.interchange.capture import read_capture, read_head_reference
 from sacha_core.interchange.gaussian_avatars import read_flame_param, read_model
 from sacha_core.interchange.splat_ply import read_bound_ply
 from sacha_core.npz import write_npz
+from sacha_core.rate.judging import Judge
 from sacha_core.train.cuda.available import missing
 from sacha_core.train.presets import VARIANTS
 
@@ -89,6 +92,46 @@ def test_levels_grow(done, model: Path, tmp_path: Path) -> None:
         for level in (1, 2, 3, 4)
     ]
     assert sizes == sorted(set(sizes))
+
+
+def test_targets_are_kept(done, refused, model: Path, tmp_path: Path) -> None:
+    file = tmp_path / "a.sacha"
+    report = done("encode", model, "--target-size", "4KB", "-o", file).report
+    assert 0.9 * 4000 < report["bytes"]["total"] == file.stat().st_size <= 4000
+    near = done("encode", model, "--target-psnr", 35, "-o", file)
+    assert 35 <= near.report["psnr_db"] < 35.5
+    assert f"{near.report['psnr_db']:.2f} dB" in near.out
+    before = file.read_bytes()
+    assert "out of reach; the smallest" in refused("encode", model, "--target-size", 500, "-o", file)
+    assert "a size of 'much'" in refused("encode", model, "--target-size", "much", "-o", file)
+    assert file.read_bytes() == before
+
+
+def test_encode_measures_what_it_says(done, model: Path, tmp_path: Path) -> None:
+    """Oracle: the library's own judge, of what comes out of the decoder."""
+    file = tmp_path / "a.sacha"
+    gaussians, motion = read_model(model)
+    head = find_head(read_head_reference(model)[0], None, None)
+    avatar = Avatar(gaussians, head.reference, motion)
+    for more in ((), ("--no-rendering",)):
+        report = done("encode", model, "--measure", *more, "-o", file).report
+        expected = Judge(avatar, head).full(decode(file, head=head).gaussians)
+        assert report["psnr_db"] == pytest.approx(expected, abs=1e-3)
+        assert sum(report["sections"].values()) < report["bytes"]["total"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--target-size", "20KB", "--target-psnr", "35"), "one of --target-size and --target-psnr"),
+        (("--target-size", "20KB", "--level", "3"), "--level says how good the file is"),
+        (("--target-psnr", "35", "--no-rendering"), "which --no-rendering does not"),
+        (("--tune", "--profile", "paper"), "which --profile paper does not"),
+        (("--dataset", "D", "--target-psnr", "35"), "--dataset with --target-psnr is not possible"),
+    ],
+)
+def test_contradictory_options_of_encode_are_refused(refused, model: Path, tmp_path: Path, options, said: str) -> None:
+    assert said in refused("encode", model, *options, "-o", tmp_path / "a.sacha")
 
 
 def test_archive_gives_back_the_model_bit_for_bit(done, model: Path, tmp_path: Path) -> None:

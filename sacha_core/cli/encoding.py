@@ -1,0 +1,161 @@
+"""What `sacha encode` does with its options: by rules or by rendering, at a level or towards a target, fitted or as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from sacha_core.errors import OptionError
+
+if TYPE_CHECKING:
+    from sacha_core.avatar.avatar import Avatar
+    from sacha_core.cli.console import Console
+    from sacha_core.cli.encode import Options
+    from sacha_core.flame.model import HeadModel
+    from sacha_core.rate.encoding import RenderingEncoder
+    from sacha_core.rate.target import Reached
+    from sacha_core.train.views import Target
+
+__all__ = ["Made", "make", "require_consistent"]
+
+USUAL_LEVEL = 2
+FINER_STEP, MOST_STEPS = 0.04, 12  # levels: how a fitted file that came out too large is made smaller
+
+
+class Made(NamedTuple):
+    """A file.
+
+    Args:
+        data: its bytes.
+        psnr_db: against the uncompressed avatar; None where nobody measured it.
+        n_trials: encodings that it took.
+    """
+
+    data: bytes
+    psnr_db: float | None = None
+    n_trials: int = 1
+
+
+def require_consistent(options: Options) -> None:
+    """Check that options do not contradict each other.
+
+    Raises:
+        OptionError: naming the first two that do.
+    """
+    targets = {"--target-size": options.target_size, "--target-psnr": options.target_psnr}
+    given = [name for name, value in targets.items() if value is not None]
+    fitting = "--dataset" if options.dataset is not None else "--tune" if options.tune else None
+    if options.tmc3 is not None and options.profile != "paper":
+        raise OptionError("--tmc3 codes the paper's profile; expected --profile paper with it")
+    if len(given) > 1:
+        raise OptionError("expected one of --target-size and --target-psnr, got both")
+    if given and options.level != USUAL_LEVEL:
+        raise OptionError(f"--level says how good the file is, and so does {given[0]}; expected one of them")
+    if options.level == "archive" and options.profile == "paper":
+        raise OptionError("the paper's profile has no level archive; expected --level 1, 2, 3 or 4")
+    plain = "--profile paper" if options.profile == "paper" else "--level archive" if options.level == "archive" else ""
+    plain = plain or ("--no-rendering" if options.no_rendering else "")
+    for name in (*given, fitting):
+        if name is not None and plain:
+            raise OptionError(f"{name} has the encoder look at pictures, which {plain} does not; expected one of them")
+    if fitting is not None and options.target_psnr is not None:
+        raise OptionError(f"{fitting} with --target-psnr is not possible; expected a level or --target-size with it")
+
+
+def make(options: Options, avatar: Avatar, head: HeadModel, console: Console) -> Made:
+    """Compress as was asked for.
+
+    Raises:
+        OptionError: a target is out of reach, or the capture is of another motion.
+        SachaError: the avatar cannot be compressed.
+    """
+    from sacha_core.codec import encode, encode_archive, encode_paper
+
+    if options.level == "archive":
+        return Made(encode_archive(avatar, head=head, embed_head=options.embed_head))
+    if options.profile == "paper":
+        return Made(encode_paper(avatar, options.level, head=head, embed_head=options.embed_head, tmc3=options.tmc3))
+    if options.no_rendering:
+        made = Made(encode(avatar, options.level, head=head, embed_head=options.embed_head))
+    else:
+        made = make_by_rendering(options, avatar, head, console)
+    if options.measure and made.psnr_db is None:
+        return made._replace(psnr_db=measured(made.data, avatar, head))
+    return made
+
+
+def make_by_rendering(options: Options, avatar: Avatar, head: HeadModel, console: Console) -> Made:
+    """Compress with an eye on pictures."""
+    from sacha_core.rate.encoding import RenderingEncoder
+    from sacha_core.rate.judging import Judge
+    from sacha_core.rate.target import encode_to_psnr, encode_to_size, parse_size
+
+    encoder = RenderingEncoder(avatar, head, options.embed_head)
+    if options.target_psnr is not None:
+        near = encode_to_psnr(encoder, Judge(avatar, head), options.target_psnr, console.report)
+        return Made(near.encoded.data, near.psnr_db, near.n_trials)
+    most = None if options.target_size is None else parse_size(options.target_size)
+    reached = encode_to_size(encoder, most, console.report) if most is not None else None
+    if options.tune or options.dataset is not None:
+        return fitted(options, avatar, head, encoder, reached, most, console)
+    if reached is not None:
+        return Made(reached.encoded.data, None, reached.n_trials)
+    assert options.level != "archive"
+    return Made(encoder.encode(options.level).data)
+
+
+def fitted(
+    options: Options,
+    avatar: Avatar,
+    head: HeadModel,
+    encoder: RenderingEncoder,
+    reached: Reached | None,
+    most: int | None,
+    console: Console,
+) -> Made:
+    """Fit what is worth its bits through the quantiser, then compress; to keep to a size, a little more coarsely if need be."""
+    from sacha_core.codec import encode
+    from sacha_core.codec.levels import MIN_QUALITY, level_at, level_named
+    from sacha_core.rate.tuned import tuned
+
+    steps = None if options.dataset is None else capture_steps(options.dataset, avatar)
+    assert options.level != "archive"
+    level = level_named(options.level) if reached is None else reached.encoded.level
+    left = encoder.prepare(level)
+    found = tuned(avatar, left, head, steps, report=console.report)
+    trials = 1 if reached is None else reached.n_trials + 1
+    for step in range(MOST_STEPS):
+        at = level if step == 0 else level_at(max(level.quality - FINER_STEP * step, MIN_QUALITY))
+        data = encode(found, at, head=head, embed_head=options.embed_head, importance=left.importance)
+        if most is None or len(data) <= most:
+            return Made(data, None, trials + step)
+    assert reached is not None
+    return Made(reached.encoded.data, None, trials + MOST_STEPS)
+
+
+def capture_steps(dataset: Path, avatar: Avatar) -> Sequence[Sequence[Target]]:
+    """Give the training pictures of a capture of the avatar's motion.
+
+    Raises:
+        OptionError: the avatar has another motion, or none.
+        DatasetError: the capture is incomplete.
+    """
+    from sacha_core.interchange.capture import read_capture
+    from sacha_core.rate.pictures import CaptureSteps
+
+    capture = read_capture(dataset)
+    frames = 0 if avatar.motion is None else len(avatar.motion)
+    if frames != len(capture.motion):
+        raise OptionError(
+            f"--dataset {dataset} is of {len(capture.motion)} timesteps, the avatar's motion of {frames}; expected the same"
+        )
+    return CaptureSteps.of(capture)
+
+
+def measured(data: bytes, avatar: Avatar, head: HeadModel) -> float:
+    """Give the PSNR of a file against the uncompressed avatar."""
+    from sacha_core.codec import decode
+    from sacha_core.rate.judging import Judge
+
+    return Judge(avatar, head).full(decode(data, head=head).gaussians)
