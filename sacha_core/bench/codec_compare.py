@@ -14,6 +14,7 @@ from sacha_core.bench.result import Bench, Row
 from sacha_core.errors import OptionError
 from sacha_core.evaluate.peers import bindings as binding_codings
 from sacha_core.evaluate.peers.ours import NAME as OURS
+from sacha_core.evaluate.peers.ours import RULES
 from sacha_core.evaluate.peers.peer import Peer
 from sacha_core.evaluate.peers.registry import PEERS, find_peer
 from sacha_core.evaluate.peers.trial import BINDINGS, Trial, Trials
@@ -183,10 +184,8 @@ def equal_rows(name: str, curves: dict[str, Curve]) -> list[Row]:
             rate = bd_rate(curve, ours)
             row |= {"bd_rate": rate.value, "overlap": 100 * rate.overlap if rate.value is not None else None}
         rows.append(row)
-    best = {
-        q: min((row[f"kb_{q}"] for row in rows if row["codec"] != OURS and row[f"kb_{q}"]), default=None)
-        for q in EQUAL_DB
-    }
+    others = [row for row in rows if row["codec"] not in {OURS, RULES}]
+    best = {q: min((row[f"kb_{q}"] for row in others if row[f"kb_{q}"]), default=None) for q in EQUAL_DB}
     if ours is not None and any(best.values()):
         row = {"table": "equal", "avatar": name, "codec": "the best of the others"}
         for quality, there in best.items():

@@ -35,7 +35,8 @@ GAIN = 8.0  # of errors, so that a step of an eighth of the range is full
 MARGIN = 6  # pixels around the avatar
 LEVEL = "level 2"  # whose bytes the others are shown at
 FRONT = 3  # camera of the protocol that sees the face
-STRIDE = 2  # pixels of the picture to one of the sheet
+STRIDE, LARGE = 2, 200  # pixels of the picture to one of the sheet, where it is that wide
+LEAST_WIDTH = 240  # of a panel
 
 
 @dataclass(frozen=True)
@@ -136,9 +137,9 @@ def panel_of(one: Judged, picture: Float[np.ndarray, "h w 3"], look: Look) -> Pa
     ours = one.trial.peer == OURS
     title = f"{find_peer(one.trial.peer).title}{f', {one.trial.setting.name}' if ours else ''}"
     assert one.scores is not None
-    setting = "" if ours else f", {one.trial.setting.name}"
     lines = (
-        f"{one.trial.n_bytes / KB:.1f} KB{setting}",
+        f"{one.trial.n_bytes / KB:.1f} KB",
+        "" if ours else one.trial.setting.name,
         f"here {ratio:.1f} dB{flip}",
         f"all pictures {one.scores.psnr:.1f} dB",
     )
@@ -164,8 +165,9 @@ def box_of(own: Bool[np.ndarray, "h w"]) -> tuple[slice, slice]:
 def cut(image: Float[np.ndarray, "h w 3"], box: tuple[slice, slice]) -> Float[np.ndarray, "h w 3"]:
     """Cut the avatar out, halved where it is large, by the mean of blocks of pixels."""
     part = image[box]
-    if part.shape[1] < 200:
-        return part
-    h, w = (side // STRIDE * STRIDE for side in part.shape[:2])
-    blocks = part[:h, :w].reshape(h // STRIDE, STRIDE, w // STRIDE, STRIDE, 3)
-    return np.asarray(blocks.mean(axis=(1, 3)))
+    if part.shape[1] >= LARGE:
+        h, w = (side // STRIDE * STRIDE for side in part.shape[:2])
+        part = part[:h, :w].reshape(h // STRIDE, STRIDE, w // STRIDE, STRIDE, 3).mean(axis=(1, 3))
+    missing = max(LEAST_WIDTH - part.shape[1], 0)  # so that the text below has room
+    sides = ((0, 0), (missing // 2, missing - missing // 2), (0, 0))
+    return np.asarray(np.pad(part, sides, constant_values=float(part[0, 0, 0])))

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["draw"]
 
 # Told apart with any colour vision. Source: Okabe and Ito, Color Universal Design, 2008.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#808080", "#A05A2C")
-MARKERS = "osD^vPX*h"
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#808080", "#A05A2C", "#6A3D9A")
+MARKERS = "osD^vPX*h<"
 COLUMNS = 2
 PANEL_INCHES = (5.4, 4.1)
 DOTS_PER_INCH = 90

@@ -184,6 +184,6 @@ def program() -> Path:
 
 
 PEERS = (
-    Peer("jee", "G-PCC (tmc3) at JEE6.2's rates", lacking, jee_settings, encode, decode, limit_s=900.0),
-    Peer("gpcc", "G-PCC (tmc3), fitted", lacking, fitted_settings, encode, decode, limit_s=900.0),
+    Peer("jee", "G-PCC at JEE6.2's rates", lacking, jee_settings, encode, decode, limit_s=900.0),
+    Peer("gpcc", "G-PCC, fitted", lacking, fitted_settings, encode, decode, limit_s=900.0),
 )

@@ -105,4 +105,4 @@ def decode(parts: Parts, ground: Ground) -> Gaussians:
     return gaussians_of(columns, binding)
 
 
-PEERS = (Peer("hevc", "HEVC pictures (libx265)", lacking, settings, encode, decode),)
+PEERS = (Peer("hevc", "HEVC pictures", lacking, settings, encode, decode),)
