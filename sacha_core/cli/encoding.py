@@ -73,10 +73,10 @@ def make(options: Options, avatar: Avatar, head: HeadModel, console: Console) ->
     from sacha_core.codec import encode, encode_archive, encode_paper
 
     if options.level == "archive":
-        return Made(encode_archive(avatar, head=head, embed_head=options.embed_head))
-    if options.profile == "paper":
-        return Made(encode_paper(avatar, options.level, head=head, embed_head=options.embed_head, tmc3=options.tmc3))
-    if options.no_rendering:
+        made = Made(encode_archive(avatar, head=head, embed_head=options.embed_head))
+    elif options.profile == "paper":
+        made = Made(encode_paper(avatar, options.level, head=head, embed_head=options.embed_head, tmc3=options.tmc3))
+    elif options.no_rendering:
         made = Made(encode(avatar, options.level, head=head, embed_head=options.embed_head))
     else:
         made = make_by_rendering(options, avatar, head, console)

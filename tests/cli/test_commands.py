@@ -113,7 +113,7 @@ def test_encode_measures_what_it_says(done, model: Path, tmp_path: Path) -> None
     gaussians, motion = read_model(model)
     head = find_head(read_head_reference(model)[0], None, None)
     avatar = Avatar(gaussians, head.reference, motion)
-    for more in ((), ("--no-rendering",)):
+    for more in ((), ("--no-rendering",), ("--profile", "paper"), ("--level", "archive")):
         report = done("encode", model, "--measure", *more, "-o", file).report
         expected = Judge(avatar, head).full(decode(file, head=head).gaussians)
         assert report["psnr_db"] == pytest.approx(expected, abs=1e-3)
