@@ -82,7 +82,5 @@ class Judge:
 
 
 def mean_psnr(errors: Sequence[float]) -> float:
-    """Give the mean of the decibels of views; infinite where there is nothing to see."""
-    if not errors:
-        return float("inf")
-    return float(-10 * np.mean(np.log10(np.maximum(errors, LEAST_ERROR))))
+    """Give the mean of the decibels of views; those of no error where there is nothing to see."""
+    return float(-10 * np.mean(np.log10(np.maximum(errors or [0.0], LEAST_ERROR))))

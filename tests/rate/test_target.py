@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -93,3 +94,10 @@ def test_a_quality_is_reached_and_not_by_much_more(avatar: Avatar, head: HeadMod
     assert len(found.encoded.data) < len(encode(avatar, level_at(found.encoded.level.quality + 1), head=head))
     with pytest.raises(OptionError, match=r"150 dB are out of reach; the best file of this avatar has [0-9.]+ dB"):
         encode_to_psnr(encoder, judge, 150)
+
+
+def test_an_avatar_without_gaussians_is_as_near_as_can_be(avatar: Avatar, head: HeadModel) -> None:
+    nothing = replace(avatar, gaussians=avatar.gaussians.select(np.arange(0)))
+    found = encode_to_psnr(RenderingEncoder(nothing, head), Judge(nothing, head), 38.0)
+    assert found.psnr_db == 120
+    assert found.encoded.level.quality == MIN_QUALITY
