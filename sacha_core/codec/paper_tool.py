@@ -121,7 +121,7 @@ def call(path: Path, arguments: list[str], check: bool = True) -> str:
         raise OptionError(f"{path}: cannot be run as a coder of point clouds: {fault}") from fault
     said = (done.stdout + done.stderr).decode("utf-8", "replace")
     if check and done.returncode:
-        last = (said.strip().splitlines() or [""])[-1][:200]
+        last = (said.strip().splitlines() or ["nothing said"])[-1][:200]
         raise FormatError(f"{path} failed with exit code {done.returncode}: {last}")
     return said
 

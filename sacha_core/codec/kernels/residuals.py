@@ -18,7 +18,6 @@ MAX_SUFFIX_BITS = 32
 FIRST_SHIFTED = 16  # from this class on the lowest bits are sent as they are
 STATE = 2  # probability of a 0, in 65,536ths; how many bins it stands for
 SEEN_AT_FIRST, SEEN_AT_MOST = 8, 100
-MODELS = (CLASSES * UNARY_BINS + LENGTH_BINS) * STATE
 
 
 def lowest_bits(kind):

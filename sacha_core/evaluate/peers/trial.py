@@ -45,11 +45,6 @@ class Trial:
     decode_s: float
     failure: str = ""
 
-    @property
-    def binding_bytes(self) -> int | None:
-        """Bytes of the bindings where the codec could not carry them; None where it does."""
-        return len(self.parts[BINDINGS]) if BINDINGS in self.parts else None
-
 
 def try_codec(
     name: str, gaussians: Gaussians, head: HeadModel, setting: Setting, motion: Motion | None = None
