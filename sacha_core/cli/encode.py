@@ -61,6 +61,9 @@ class Options:
     no_rendering: bool = False
     """Go by rules alone, without looking at pictures to tell what is worth its bits: quicker, and a larger file."""
 
+    weights: Annotated[tuple[str, ...], tyro.conf.arg(metavar="REGION=FACTOR...", help_behavior_hint="")] = ()
+    """How many times as much an error counts in a region: mouth=4 eyes=4. Its bytes come from the others."""
+
     tune: bool = False
     """Fit the avatar through the quantiser to its own pictures, for about a minute: the same bytes look better."""
 

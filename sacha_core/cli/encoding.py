@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+from jaxtyping import Float
+
 from sacha_core.errors import OptionError
 
 if TYPE_CHECKING:
@@ -56,7 +59,7 @@ def require_consistent(options: Options) -> None:
         raise OptionError("the paper's profile has no level archive; expected --level 1, 2, 3 or 4")
     plain = "--profile paper" if options.profile == "paper" else "--level archive" if options.level == "archive" else ""
     plain = plain or ("--no-rendering" if options.no_rendering else "")
-    for name in (*given, fitting):
+    for name in (*given, fitting, "--weights" if options.weights else None):
         if name is not None and plain:
             raise OptionError(f"{name} has the encoder look at pictures, which {plain} does not; expected one of them")
     if fitting is not None and options.target_psnr is not None:
@@ -91,7 +94,7 @@ def make_by_rendering(options: Options, avatar: Avatar, head: HeadModel, console
     from sacha_core.rate.judging import Judge
     from sacha_core.rate.target import encode_to_psnr, encode_to_size, parse_size
 
-    encoder = RenderingEncoder(avatar, head, options.embed_head)
+    encoder = RenderingEncoder(avatar, head, options.embed_head, factors=region_factors(options.weights, avatar, head))
     if options.target_psnr is not None:
         near = encode_to_psnr(encoder, Judge(avatar, head), options.target_psnr, console.report)
         return Made(near.encoded.data, near.psnr_db, near.n_trials)
@@ -103,6 +106,26 @@ def make_by_rendering(options: Options, avatar: Avatar, head: HeadModel, console
         return Made(reached.encoded.data, None, reached.n_trials)
     assert options.level != "archive"
     return Made(encoder.encode(options.level).data)
+
+
+def region_factors(weights: Sequence[str], avatar: Avatar, head: HeadModel) -> Float[np.ndarray, " n"] | None:
+    """Give how much an error counts at each Gaussian; None where nothing was said.
+
+    Raises:
+        OptionError: a weight is not REGION=FACTOR, or there is no such region.
+        HeadError: the head lacks masks.
+    """
+    from sacha_core.cli.prune import parsed_weights
+    from sacha_core.regions.labels import label_triangles
+    from sacha_core.regions.scheme import find_scheme
+
+    if not weights:
+        return None
+    scheme = find_scheme(avatar.scheme)
+    by_label = np.ones(len(scheme.regions))
+    for label, factor in parsed_weights(weights, scheme).items():
+        by_label[label] = factor
+    return np.asarray(by_label[label_triangles(head, scheme)[avatar.gaussians.binding]])
 
 
 def fitted(

@@ -57,6 +57,15 @@ class GaussianImportance:
         """Give that of the Gaussians at `rows` (a mask or indices), in that order, as `Gaussians.select` does."""
         return GaussianImportance(**{name: value[rows] for name, value in self._present()})
 
+    def weighted(self, factors: Float[np.ndarray, " n"]) -> GaussianImportance:
+        """Give that of Gaussians whose part in pictures counts `factors` times as much."""
+        weighed = {
+            name: (value * factors.reshape(-1, *[1] * (value.ndim - 1))).astype(value.dtype)
+            for name, value in self._present()
+            if name != "shown"
+        }
+        return replace(self, **weighed)
+
     def with_axes(self, order: Int[np.ndarray, "n 3"]) -> GaussianImportance:
         """Give that of the same Gaussians with their axes in another order.
 

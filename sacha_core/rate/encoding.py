@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.codec.encoder import encode_traced, price_of_a_bit
@@ -60,6 +60,7 @@ class RenderingEncoder:
         embed_head: add the head itself to the files.
         pruning_bits: a Gaussian goes that changes pictures by less than so many bits are worth; 0 keeps all that shows.
         seed: of what is measured by chance.
+        factors: (n,) how many times as much a squared difference counts where each Gaussian shows; None for once everywhere.
 
     Raises:
         GeometryError: a frame of the motion makes a triangle degenerate.
@@ -73,10 +74,12 @@ class RenderingEncoder:
         embed_head: bool = False,
         pruning_bits: float = PRUNING_BITS,
         seed: int = 0,
+        factors: Float[np.ndarray, " n"] | None = None,
     ) -> None:
         avatar.gaussians.validate(head.n_faces)
         self._avatar, self.head, self._embed, self._seed = avatar, head, embed_head, seed
         self.pruning_bits, self._rasteriser = pruning_bits, Rasteriser()
+        self._factors = np.ones(len(avatar.gaussians)) if factors is None else factors
         self._measured: tuple[Grounds, GaussianImportance] | None = None
 
     def prepare(self, level: int | Level) -> Prepared:
@@ -85,9 +88,9 @@ class RenderingEncoder:
         grounds, importance = self._measure()
         gaussians = self._avatar.gaussians
         least = self.pruning_bits * price_of_a_bit(gaussians, self.head, chosen, importance)
-        rows = prune(gaussians, grounds, least, self._rasteriser)
+        rows = prune(gaussians, grounds, least, self._rasteriser, self._factors)
         left = replace(self._avatar, gaussians=gaussians.select(rows))
-        return Prepared(left, chosen, rows, importance.select(rows))
+        return Prepared(left, chosen, rows, importance.weighted(self._factors).select(rows))
 
     def encode(self, level: int | Level) -> Encoded:
         """Encode at a level.
@@ -119,7 +122,9 @@ def encode_by_rendering(
     pruning_bits: float = PRUNING_BITS,
     seed: int = 0,
 ) -> bytes:
-    """Compress an avatar as `sacha_core.encode` does, a fifth to a third smaller at the same quality, in a few seconds.
+    """Compress an avatar as `sacha_core.encode` does, smaller at the same quality, in a few seconds.
+
+    A fifth to a third smaller where many Gaussians hardly show, a twentieth where training has removed those already.
 
     Args:
         avatar: what to compress; pictures of its own motion count, or of stock expressions where it has none.

@@ -80,6 +80,7 @@ def prune(
     grounds: Grounds,
     least: float,
     rasteriser: Rasteriser | None = None,
+    factors: Float[np.ndarray, " n"] | None = None,
 ) -> Int[np.ndarray, " m"]:
     """Give the rows of the Gaussians that are worth their bits.
 
@@ -88,15 +89,17 @@ def prune(
         grounds: the views to decide by.
         least: what a Gaussian has to change pictures by: squared, summed over pixels and channels, mean over views; 0 keeps all.
         rasteriser: one to use again; a new one by default.
+        factors: (n,) how many times as much the change by each counts; once by default.
     """
     rasteriser, rows = rasteriser or Rasteriser(), np.arange(len(gaussians))
+    factors = np.ones(len(gaussians)) if factors is None else factors
     if least <= 0 or not len(gaussians):
         return rows
     elsewhere = STOCK_SHARE * removal_errors(gaussians, grounds.stock, rasteriser)
     for left in range(ROUNDS - 1, -1, -1):
         shots = grounds.own if left == 0 else every_other(grounds.own, left)
         worth = np.maximum(removal_errors(gaussians.select(rows), shots, rasteriser), elsewhere[rows])
-        rows = rows[worth >= least / 2**left]
+        rows = rows[worth * factors[rows] >= least / 2**left]
     return rows
 
 
