@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-WORSE_DB = 0.1  # at most: a hundred iterations have left everything rough; better by 0.5 and more is usual
+WORSE_DB = 0.5  # by a held-out camera, after a hundred iterations that left everything rough; what fitting gains is held in tests/rate
 
 
 def test_finetuned_file_lies_beside_the_model_and_looks_no_worse(
