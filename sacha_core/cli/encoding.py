@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-from jaxtyping import Float
-
 from sacha_core.errors import OptionError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Float
+
     from sacha_core.avatar.avatar import Avatar
     from sacha_core.cli.console import Console
     from sacha_core.cli.encode import Options
@@ -115,6 +115,8 @@ def region_factors(weights: Sequence[str], avatar: Avatar, head: HeadModel) -> F
         OptionError: a weight is not REGION=FACTOR, or there is no such region.
         HeadError: the head lacks masks.
     """
+    import numpy as np
+
     from sacha_core.cli.prune import parsed_weights
     from sacha_core.regions.labels import label_triangles
     from sacha_core.regions.scheme import find_scheme
