@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import tyro
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from sacha_core.codec import Inspection
 
 __all__ = ["INPUTS", "Options", "run"]
+
+MaybeWeights = Union[None, tuple[str, ...]]  # noqa: UP007 (None first: for a list tyro would load a type checker)
 
 INPUTS = ("model", "ply", "motion")
 
@@ -61,7 +63,7 @@ class Options:
     no_rendering: bool = False
     """Go by rules alone, without looking at pictures to tell what is worth its bits: quicker, and a larger file."""
 
-    weights: Annotated[tuple[str, ...], tyro.conf.arg(metavar="REGION=FACTOR...", help_behavior_hint="")] = ()
+    weights: Annotated[MaybeWeights, tyro.conf.arg(metavar="REGION=FACTOR...", help_behavior_hint="")] = None
     """How many times as much an error counts in a region: mouth=4 eyes=4. Its bytes come from the others."""
 
     tune: bool = False

@@ -108,7 +108,7 @@ def make_by_rendering(options: Options, avatar: Avatar, head: HeadModel, console
     return Made(encoder.encode(options.level).data)
 
 
-def region_factors(weights: Sequence[str], avatar: Avatar, head: HeadModel) -> Float[np.ndarray, " n"] | None:
+def region_factors(weights: Sequence[str] | None, avatar: Avatar, head: HeadModel) -> Float[np.ndarray, " n"] | None:
     """Give how much an error counts at each Gaussian; None where nothing was said.
 
     Raises:
