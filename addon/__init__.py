@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import decode_avatar, encode_avatar, engine_check, menus, open_file, panels, preferences, running, settings
+from . import engine_check, making, opening, panel, preferences, running, seeing, settings
 
 bl_info = {  # for installations from a folder; extensions are described by blender_manifest.toml
     "name": "SACHA",
@@ -20,23 +20,27 @@ bl_info = {  # for installations from a folder; extensions are described by blen
     "category": "Import-Export",
 }
 
-PARTS = (settings, preferences, running, engine_check, open_file, encode_avatar, decode_avatar, panels, menus)
+PARTS = (settings, preferences, running, engine_check, panel, *seeing.PARTS, *opening.PARTS, *making.PARTS)
 
 
 def register() -> None:
-    """Make every class of every part known to Blender."""
+    """Make every class of every part known to Blender, and let parts attach what is no class."""
     for part in PARTS:
         for kind in part.CLASSES:
             bpy.utils.register_class(kind)
-    settings.attach()
-    menus.attach()
+    for part in PARTS:
+        getattr(part, "attach", _nothing)()
 
 
 def unregister() -> None:
     """End what still runs, then undo `register` in the opposite order."""
     running.end_now()
-    menus.detach()
-    settings.detach()
+    for part in reversed(PARTS):
+        getattr(part, "detach", _nothing)()
     for part in reversed(PARTS):
         for kind in reversed(part.CLASSES):
             bpy.utils.unregister_class(kind)
+
+
+def _nothing() -> None:
+    """Most parts have nothing but classes."""

@@ -1,65 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the add-on keeps in a .blend: on a mesh what it shows, on a scene what the next commands shall use."""
+"""What the commands use, kept with the scene in the .blend."""
 
 from __future__ import annotations
 
 import bpy
-from bpy.props import (
-    CollectionProperty,
-    EnumProperty,
-    FloatVectorProperty,
-    IntProperty,
-    PointerProperty,
-    StringProperty,
-)
+from bpy.props import IntProperty, PointerProperty, StringProperty
 
-from . import bridge
-
-__all__ = ["CLASSES", "attach", "colour_attribute", "detach"]
-
-
-def colour_attribute(view: str) -> str:
-    """Name of the colour attribute that shows a number attribute."""
-    return f"{view}_colour"
-
-
-def _view_changed(shown: SachaShown, context: bpy.types.Context) -> None:  # noqa: ARG001  (Blender's signature)
-    """Show the colours of the view that was chosen."""
-    name = colour_attribute(shown.view.lower())
-    if name in shown.id_data.color_attributes:
-        bridge.show_colours(shown.id_data, name)
-
-
-class SachaLegendLine(bpy.types.PropertyGroup):
-    """One line of a legend; `name` is its label."""
-
-    view: StringProperty()
-    colour: FloatVectorProperty(subtype="COLOR", size=3, min=0.0, max=1.0)
-    triangles: IntProperty(min=0)
-    gaussians: IntProperty(min=0)
-
-
-class SachaFact(bpy.types.PropertyGroup):
-    """One thing worth knowing of what is shown; `name` says it."""
-
-
-class SachaShown(bpy.types.PropertyGroup):
-    """What a mesh shows, kept with the mesh."""
-
-    source: StringProperty(name="Source", description="The file that this was opened from", subtype="FILE_PATH")
-    kind: StringProperty(name="Kind")
-    head: StringProperty(name="Head", description="The head model that it is bound to")
-    facts: CollectionProperty(type=SachaFact)
-    legend: CollectionProperty(type=SachaLegendLine)
-    view: EnumProperty(
-        name="View",
-        description="What the colours of the triangles say",
-        items=[
-            ("REGION", "Region", "The region that each triangle belongs to"),
-            ("COUNT", "Count", "How many Gaussians each triangle carries"),
-        ],
-        update=_view_changed,
-    )
+__all__ = ["CLASSES", "attach", "detach"]
 
 
 class SachaSettings(bpy.types.PropertyGroup):
@@ -83,16 +30,14 @@ class SachaSettings(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (SachaLegendLine, SachaFact, SachaShown, SachaSettings)
+CLASSES = (SachaSettings,)
 
 
 def attach() -> None:
-    """Give meshes and scenes their settings."""
-    bpy.types.Mesh.sacha = PointerProperty(type=SachaShown)
+    """Give scenes their settings."""
     bpy.types.Scene.sacha = PointerProperty(type=SachaSettings)
 
 
 def detach() -> None:
     """Take them away again."""
     del bpy.types.Scene.sacha
-    del bpy.types.Mesh.sacha

@@ -18,13 +18,13 @@ import numpy as np
 import trimesh
 
 import sacha_core
-from sacha_core.cli.scene_colours import linear_count_colours
 from sacha_core.flame.head_file import save_head
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import person_template
 from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.interchange.splat_ply import write_bound_ply
 from sacha_core.regions.scheme import PAPER
+from sacha_core.scene.colours import linear_count_colours
 
 SEED = 20
 N_FRAMES = 3

@@ -47,8 +47,11 @@ class Layout:
 
 
 @pytest.fixture
-def panels(addon: ModuleType) -> ModuleType:
-    return __import__(f"{addon.__name__}.panels", fromlist=["CLASSES"])
+def panels(addon: ModuleType) -> SimpleNamespace:
+    kinds = bpy.types
+    return SimpleNamespace(
+        SachaPanel=kinds.SACHA_PT_main, SachaShownPanel=kinds.SACHA_PT_shown, SachaFilesPanel=kinds.SACHA_PT_files
+    )
 
 
 def drawn_by(panel: type) -> list[tuple[str, dict[str, Any]]]:
@@ -65,7 +68,7 @@ def operators(drawn: list[tuple[str, dict[str, Any]]]) -> list[str]:
     return [given["operator"] for name, given in drawn if name == "operator"]
 
 
-def test_without_an_engine_only_the_way_to_name_one_is_drawn(panels: ModuleType, preferences, monkeypatch) -> None:
+def test_without_an_engine_only_the_way_to_name_one_is_drawn(panels: SimpleNamespace, preferences, monkeypatch) -> None:
     monkeypatch.delenv("SACHA_ENGINE", raising=False)
     preferences.engine_python = ""
     drawn = drawn_by(panels.SachaPanel)
@@ -73,11 +76,11 @@ def test_without_an_engine_only_the_way_to_name_one_is_drawn(panels: ModuleType,
     assert operators(drawn) == ["preferences.addon_show"]
 
 
-def test_with_an_engine_a_file_can_be_opened(panels: ModuleType) -> None:
+def test_with_an_engine_a_file_can_be_opened(panels: SimpleNamespace) -> None:
     assert operators(drawn_by(panels.SachaPanel)) == ["sacha.open"]
 
 
-def test_a_running_job_shows_its_progress_and_cancel(panels: ModuleType, addon: ModuleType, monkeypatch) -> None:
+def test_a_running_job_shows_its_progress_and_cancel(panels: SimpleNamespace, addon: ModuleType, monkeypatch) -> None:
     running = __import__(f"{addon.__name__}.running", fromlist=["now"])
     job = SimpleNamespace(fraction=0.25, stage="fit")
     monkeypatch.setattr(running, "now", lambda: SimpleNamespace(work=SimpleNamespace(title="Opening"), job=job))
@@ -86,7 +89,7 @@ def test_a_running_job_shows_its_progress_and_cancel(panels: ModuleType, addon: 
     assert operators(drawn) == ["sacha.cancel"]
 
 
-def test_the_panels_of_an_avatar_appear_with_one(panels: ModuleType) -> None:
+def test_the_panels_of_an_avatar_appear_with_one(panels: SimpleNamespace) -> None:
     assert not panels.SachaShownPanel.poll(bpy.context)
     assert not panels.SachaFilesPanel.poll(bpy.context)
     mesh = bpy.data.meshes.new("a stranger")
@@ -95,7 +98,9 @@ def test_the_panels_of_an_avatar_appear_with_one(panels: ModuleType) -> None:
     assert not panels.SachaShownPanel.poll(bpy.context)
 
 
-def test_the_legend_is_drawn_line_by_line(panels: ModuleType, opened: bpy.types.Object, material: Material) -> None:
+def test_the_legend_is_drawn_line_by_line(
+    panels: SimpleNamespace, opened: bpy.types.Object, material: Material
+) -> None:
     assert panels.SachaShownPanel.poll(bpy.context)
     drawn = texts(drawn_by(panels.SachaShownPanel))
     heading = drawn.index("Gaussians")
@@ -111,7 +116,7 @@ def test_the_legend_is_drawn_line_by_line(panels: ModuleType, opened: bpy.types.
 
 
 def test_an_avatar_can_be_compressed_and_a_head_cannot(
-    panels: ModuleType, opened: bpy.types.Object, material: Material
+    panels: SimpleNamespace, opened: bpy.types.Object, material: Material
 ) -> None:
     assert panels.SachaFilesPanel.poll(bpy.context)
     assert operators(drawn_by(panels.SachaFilesPanel)) == ["sacha.encode", "sacha.decode"]
@@ -135,7 +140,7 @@ def test_the_preferences_draw_what_the_check_found(addon: ModuleType, preference
 
 
 def test_the_file_menu_offers_to_open(addon: ModuleType) -> None:
-    module = __import__(f"{addon.__name__}.menus", fromlist=["attach"])
+    module = __import__(f"{addon.__name__}.opening.menu", fromlist=["attach"])
     layout = Layout()
     module._import_entry(SimpleNamespace(layout=layout), bpy.context)
     assert operators(layout.drawn) == ["sacha.open"]

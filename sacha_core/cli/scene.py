@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
 from sacha_core.cli.common import Common, HeadSource
-from sacha_core.cli.console import Console
+from sacha_core.cli.console import Console, kilobytes
 from sacha_core.progress import Progress
 
-__all__ = ["INPUTS", "Options", "run"]
+if TYPE_CHECKING:
+    from sacha_core.scene.contents import Scene
+
+__all__ = ["INPUTS", "Options", "open_scene", "run"]
 
 INPUTS = ("file",)
 
@@ -38,7 +41,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         SachaError: the file is damaged, or its head is missing or another one.
         OSError: a file cannot be read or written.
     """
-    from sacha_core.cli.scene_contents import open_scene, write_scene
+    from sacha_core.scene.folder import write_scene
 
     console.report(Progress("read", 0, 2))
     scene = open_scene(options.file, options.head)
@@ -47,3 +50,36 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     console.report(Progress("write", 2, 2))
     console.wrote("scene", options.out)
     return {"kind": scene.kind, "facts": scene.facts, "notes": scene.notes, "out": options.out}
+
+
+def open_scene(path: Path, source: HeadSource) -> Scene:
+    """Read whatever a user names: an avatar, a head model, or a head's mesh.
+
+    Args:
+        path: the file, or the folder of a model.
+        source: the head that it is bound to, or whose triangles a mesh has, where the file does not say it itself.
+
+    Raises:
+        SachaError: the file is damaged, or its head is missing or another one.
+        OSError: it cannot be read.
+    """
+    from sacha_core.cli.sources import named_head, open_avatar
+    from sacha_core.flame.open import open_head
+    from sacha_core.interchange.head_mesh import read_head_mesh
+    from sacha_core.scene.contents import scene_of_avatar, scene_of_head, scene_of_mesh
+
+    suffix = path.suffix.lower()
+    if suffix in {".npz", ".pkl"}:
+        return scene_of_head(open_head(str(path), masks=source.masks))
+    if suffix == ".obj" or (suffix == ".ply" and not _holds_gaussians(path)):
+        return scene_of_mesh(path.stem, read_head_mesh(path), named_head(source))
+    opened = open_avatar(path, source)
+    scene = scene_of_avatar(path.stem, opened.avatar, opened.head)
+    return replace(scene, facts=[*scene.facts, kilobytes(path.stat().st_size)]) if path.is_file() else scene
+
+
+def _holds_gaussians(path: Path) -> bool:
+    """Tell a PLY of Gaussians from one of a mesh, by its header: only Gaussians have an opacity."""
+    with path.open("rb") as file:
+        header, _, _ = file.read(1 << 16).partition(b"end_header")
+    return b" opacity" in header

@@ -13,7 +13,7 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.cli.common import HeadSource
-from sacha_core.cli.scene_contents import Scene, open_scene, write_scene
+from sacha_core.cli.scene import open_scene
 from sacha_core.codec import encode
 from sacha_core.codec.levels import LEVELS
 from sacha_core.errors import FormatError, HeadError
@@ -23,6 +23,8 @@ from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.interchange.splat_ply import write_bound_ply
 from sacha_core.regions.labels import label_triangles, region_counts
 from sacha_core.regions.scheme import PAPER
+from sacha_core.scene.contents import Scene
+from sacha_core.scene.folder import write_scene
 
 ONE_COMPONENT = 0.5  # how far the person of the tests goes along the first identity direction
 FLOAT32_M = 1e-7  # rounding of a posed coordinate of some decimetres

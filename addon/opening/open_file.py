@@ -9,8 +9,9 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from . import bridge, engine, preferences, running, settings, sources
-from .job import Job
+from .. import bridge, engine, preferences, running, sources
+from ..job import Job
+from ..seeing import shown as showing
 from .scene_folder import SceneFolder, read_scene_folder
 
 __all__ = ["CLASSES", "SUFFIXES"]
@@ -80,7 +81,7 @@ def show(context: bpy.types.Context, opened: SceneFolder, source: Path) -> bpy.t
         bridge.texture_coordinates(mesh, "uv", opened.uv)
     for view in opened.views:
         bridge.face_integers(mesh, view.name, view.values)
-        bridge.corner_colours(mesh, settings.colour_attribute(view.name), view.colours)
+        bridge.corner_colours(mesh, showing.colour_attribute(view.name), view.colours)
     _describe(mesh.sacha, opened, source)
 
     shown = bpy.data.objects.new(opened.name, mesh)
@@ -93,7 +94,7 @@ def show(context: bpy.types.Context, opened: SceneFolder, source: Path) -> bpy.t
     return shown
 
 
-def _describe(shown: settings.SachaShown, opened: SceneFolder, source: Path) -> None:
+def _describe(shown: showing.SachaShown, opened: SceneFolder, source: Path) -> None:
     """Keep with the mesh what its colours mean and where it comes from."""
     shown.source, shown.kind, shown.head = str(source), opened.kind, opened.head
     for fact in opened.facts:

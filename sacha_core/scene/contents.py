@@ -1,50 +1,23 @@
-"""What is shown of a file: a mesh, and numbers and colours of its triangles; as arrays in a folder.
-
-The folder holds `vertices.npy` (v, 3) float32, metres, y up; `faces.npy` (f, 3) int32; `uv.npy` (f, 3, 2) float32 at the corners where
-the head has texture coordinates; for each view NAME its numbers `NAME.npy` (f,) int32 and colours `NAME_colour.npy` (f, 4) float32, linear
-RGBA; and `scene.json`, written last: name, kind, head, facts and notes (lines for people), and the views with their legends.
-"""
+"""What is shown of an avatar, a head or a mesh: vertices, triangles, and numbers and colours of the triangles."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.avatar.avatar import Avatar
-from sacha_core.cli.common import HeadSource
-from sacha_core.cli.console import kilobytes
-from sacha_core.cli.scene_colours import count_legend, linear_colours, linear_count_colours
-from sacha_core.cli.sources import named_head, open_avatar
 from sacha_core.errors import HeadError
-from sacha_core.files import write_aside
 from sacha_core.flame.model import HeadModel
-from sacha_core.flame.open import open_head
 from sacha_core.flame.posing import person_template
-from sacha_core.interchange.head_mesh import HeadMesh, read_head_mesh
+from sacha_core.interchange.head_mesh import HeadMesh
 from sacha_core.regions.labels import label_triangles
 from sacha_core.regions.scheme import PAPER, RegionScheme, find_scheme
+from sacha_core.scene.colours import count_legend, linear_colours, linear_count_colours
+from sacha_core.scene.view import View
 
-__all__ = ["Scene", "View", "open_scene", "write_scene"]
-
-
-@dataclass(frozen=True)
-class View:
-    """One number a triangle, its colours, and what they mean.
-
-    Args:
-        values: (f,) int32.
-        colours: (f, 4) linear RGBA.
-        legend: lines from top to bottom: `label`, `colour` (linear RGB), and for regions `triangles` and `gaussians`.
-    """
-
-    values: Int[np.ndarray, " f"]
-    colours: Float[np.ndarray, "f 4"]
-    legend: list[dict[str, Any]]
+__all__ = ["Scene", "scene_of_avatar", "scene_of_head", "scene_of_mesh"]
 
 
 @dataclass(frozen=True)
@@ -74,64 +47,19 @@ class Scene:
     notes: list[str]
 
 
-def open_scene(path: Path, source: HeadSource) -> Scene:
-    """Read whatever a user names: an avatar, a head model, or a head's mesh.
-
-    Args:
-        path: the file, or the folder of a model.
-        source: the head that it is bound to, or whose triangles a mesh has, where the file does not say it itself.
-
-    Raises:
-        SachaError: the file is damaged, or its head is missing or another one.
-        OSError: it cannot be read.
-    """
-    suffix = path.suffix.lower()
-    if suffix in {".npz", ".pkl"}:
-        return _scene_of_head(open_head(str(path), masks=source.masks))
-    if suffix == ".obj" or (suffix == ".ply" and not _holds_gaussians(path)):
-        return _scene_of_mesh(path.stem, read_head_mesh(path), named_head(source))
-    opened = open_avatar(path, source)
-    return _scene_of_avatar(path, opened.avatar, opened.head)
-
-
-def write_scene(scene: Scene, folder: Path) -> None:
-    """Write the arrays, and last `scene.json`: a folder that has it is whole.
-
-    Raises:
-        OSError: the folder cannot be written.
-    """
-    arrays: dict[str, np.ndarray | None] = {
-        "vertices": scene.vertices.astype(np.float32, copy=False),
-        "faces": scene.faces.astype(np.int32, copy=False),
-        "uv": scene.uv,
-    }
-    for name, view in scene.views.items():
-        arrays |= {name: view.values, f"{name}_colour": view.colours}
-    for name, array in arrays.items():
-        if array is not None:
-            with write_aside(folder / f"{name}.npy") as aside:
-                np.save(aside, array, allow_pickle=False)
-    told = {name: getattr(scene, name) for name in ("name", "kind", "head", "facts", "notes")}
-    told["views"] = {name: view.legend for name, view in scene.views.items()}
-    with write_aside(folder / "scene.json") as aside:
-        aside.write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
-
-
-def _scene_of_avatar(path: Path, avatar: Avatar, head: HeadModel) -> Scene:
+def scene_of_avatar(name: str, avatar: Avatar, head: HeadModel) -> Scene:
     """Show an avatar on its own person's neutral head."""
     count = np.bincount(avatar.gaussians.binding, minlength=head.n_faces).astype(np.int32)
     vertices = head.v_template if avatar.motion is None else person_template(head, avatar.motion)[0]
     facts = [f"{len(avatar.gaussians):,} Gaussians on {head.n_faces:,} triangles", f"Head: {head.name}"]
-    if path.is_file():
-        facts.append(kilobytes(path.stat().st_size))
     if avatar.motion is not None:
         facts.append(f"{len(avatar.motion):,} frames at {avatar.motion.frame_rate:g} a second")
     views, notes = _region_view(head, find_scheme(avatar.scheme), count)
     views["count"] = View(count, linear_count_colours(count), count_legend(int(count.max(initial=0))))
-    return Scene(path.stem, "avatar", head.name, vertices, head.faces, _corner_uv(head), views, facts, notes)
+    return Scene(name, "avatar", head.name, vertices, head.faces, _corner_uv(head), views, facts, notes)
 
 
-def _scene_of_head(head: HeadModel) -> Scene:
+def scene_of_head(head: HeadModel) -> Scene:
     """Show a head model, unposed."""
     views, notes = _region_view(head)
     facts = [
@@ -141,7 +69,7 @@ def _scene_of_head(head: HeadModel) -> Scene:
     return Scene(head.name, "head", head.name, head.v_template, head.faces, _corner_uv(head), views, facts, notes)
 
 
-def _scene_of_mesh(name: str, mesh: HeadMesh, head: HeadModel | None) -> Scene:
+def scene_of_mesh(name: str, mesh: HeadMesh, head: HeadModel | None) -> Scene:
     """Show a mesh; it has regions where its triangles are those of a head, or the first of them (teeth come last)."""
     facts = [f"{len(mesh.vertices):,} vertices, {len(mesh.faces):,} triangles"]
     if head is None:
@@ -197,10 +125,3 @@ def _corner_uv(head: HeadModel) -> Float[np.ndarray, "f 3 2"] | None:
         return None
     corners: np.ndarray = head.uv[head.uv_faces].astype(np.float32, copy=False)
     return corners
-
-
-def _holds_gaussians(path: Path) -> bool:
-    """Tell a PLY of Gaussians from one of a mesh, by its header: only Gaussians have an opacity."""
-    with path.open("rb") as file:
-        header, _, _ = file.read(1 << 16).partition(b"end_header")
-    return b" opacity" in header

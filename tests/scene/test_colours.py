@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sacha_core.cli.scene_colours import count_legend, linear_colours, linear_count_colours
+from sacha_core.scene.colours import count_legend, linear_colours, linear_count_colours
 
 FLOAT32 = 1e-7  # relative: what storing in float32 costs
 ONE_BYTE = (

@@ -10,8 +10,8 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper
 
-from . import engine, preferences, running, sources
-from .job import Job
+from .. import engine, preferences, running, sources
+from ..job import Job
 
 __all__ = ["CLASSES"]
 

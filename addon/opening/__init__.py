@@ -1,0 +1,8 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files into Blender: avatars, heads and meshes as objects of the scene."""
+
+from __future__ import annotations
+
+from . import menu, open_file
+
+PARTS = (open_file, menu)

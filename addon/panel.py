@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sidebar's first panel: open a file; what is missing; what is running. Each part of the add-on adds its own below it."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import preferences, running
+from .engine import EngineMissingError
+
+__all__ = ["CLASSES"]
+
+
+class SachaPanel(bpy.types.Panel):
+    """Open a file; what is missing; what is running."""
+
+    bl_idname = "SACHA_PT_main"
+    bl_label = "SACHA"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "SACHA"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout = self.layout
+        try:
+            preferences.engine_python(context)
+        except EngineMissingError as missing:
+            _draw_missing(layout, str(missing))
+            return
+        running_now = running.now()
+        if running_now is None:
+            layout.operator("sacha.open", text="Open File...", icon="FILE_FOLDER")
+            layout.prop(context.scene.sacha, "head")
+            layout.prop(context.scene.sacha, "masks")
+        else:
+            layout.label(text=running_now.work.title)
+            layout.progress(factor=running_now.job.fraction, text=running_now.job.stage or "Starting")
+            layout.operator("sacha.cancel", icon="CANCEL")
+
+
+def _draw_missing(layout: bpy.types.UILayout, message: str) -> None:
+    """Say that there is no engine and where to name one."""
+    what, _, remedy = message.partition(": ")
+    layout.label(text=what, icon="ERROR")
+    if remedy:
+        layout.label(text=remedy)
+    layout.operator("preferences.addon_show", text="Preferences", icon="PREFERENCES").module = __package__
+
+
+CLASSES = (SachaPanel,)
