@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["SceneFolder", "View", "read_scene_folder"]
+__all__ = ["Part", "SceneFolder", "View", "read_scene_folder"]
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,19 @@ class View:
 
 
 @dataclass(frozen=True)
+class Part:
+    """What a scene may have besides its mesh and views: a rig, an animation, cameras, splats.
+
+    Args:
+        arrays: by name.
+        values: plain ones (numbers, texts, lists), by name.
+    """
+
+    arrays: dict[str, np.ndarray]
+    values: dict[str, Any]
+
+
+@dataclass(frozen=True)
 class SceneFolder:
     """One head as the engine sees it; axes y up, metres.
 
@@ -44,6 +57,7 @@ class SceneFolder:
         facts: lines that say what it is (number of Gaussians, bytes, frames).
         notes: what the user should know, one line each.
         head: where the engine found its head model, or its name.
+        parts: what else there is, by name; each is described where the engine makes it, `sacha_core/scene/NAME.py`.
     """
 
     name: str
@@ -55,6 +69,7 @@ class SceneFolder:
     facts: list[str]
     notes: list[str]
     head: str
+    parts: dict[str, Part]
 
 
 def read_scene_folder(folder: Path) -> SceneFolder:
@@ -65,6 +80,10 @@ def read_scene_folder(folder: Path) -> SceneFolder:
         return np.load(folder / f"{name}.npy", allow_pickle=False)
 
     views = [View(name, array(name), array(f"{name}_colour"), legend) for name, legend in told["views"].items()]
+    parts = {
+        name: Part({field: array(f"{name}_{field}") for field in part["arrays"]}, part["values"])
+        for name, part in told["parts"].items()
+    }
     return SceneFolder(
         told["name"],
         told["kind"],
@@ -75,4 +94,5 @@ def read_scene_folder(folder: Path) -> SceneFolder:
         told["facts"],
         told["notes"],
         told["head"],
+        parts,
     )
