@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import engine_check, making, opening, panel, preferences, running, seeing, settings
+from . import engine_check, making, opening, panel, preferences, running, seeing, settings, steering
 
 bl_info = {  # for installations from a folder; extensions are described by blender_manifest.toml
     "name": "SACHA",
@@ -20,7 +20,17 @@ bl_info = {  # for installations from a folder; extensions are described by blen
     "category": "Import-Export",
 }
 
-PARTS = (settings, preferences, running, engine_check, panel, *seeing.PARTS, *opening.PARTS, *making.PARTS)
+PARTS = (
+    settings,
+    preferences,
+    running,
+    engine_check,
+    panel,
+    *seeing.PARTS,
+    *opening.PARTS,
+    *making.PARTS,
+    *steering.PARTS,
+)
 
 
 def register() -> None:
