@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import signal
@@ -14,13 +13,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum, auto
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
+
+from . import leftovers, told
+from .processes import DETACHED
+from .told import LOG, PRINTED, Told
 
 __all__ = ["Job", "Outcome", "start_job"]
 
 GRACE_S = 5.0  # between asking a worker to stop and ending it
+SHOWN_LINES = 20  # of the log, where what went wrong is looked for
 TICK_S = 0.05  # how often a waiting caller looks
-PRINTED, LOG = "printed.jsonl", "log.txt"  # the worker's stdout and stderr, in the job's folder
+LONGEST_LINE = 1 << 20  # bytes: a line without an end is no progress, and must not fill the memory
 BLENDER_ONLY = ("PYTHONHOME", "PYTHONPATH")  # point at Blender's own Python, which is not the worker's
 
 
@@ -43,18 +47,14 @@ class Job:
         folder: its working folder, removed by `remove`; what it prints lies there, and its results if the command is told so.
         output: read end of the progress that the worker writes, one JSON object a line.
         time_limit_s: how long it may take.
-        stage: what it is doing, in its own words.
-        done: steps of that stage finished.
-        total: steps of that stage; 0 where nothing was said yet.
+        said: its last line of progress.
     """
 
     process: subprocess.Popen[bytes]
     folder: Path
     output: IO[bytes]
     time_limit_s: float
-    stage: str = ""
-    done: int = 0
-    total: int = 0
+    said: Told = field(default_factory=Told)
     started_s: float = field(default_factory=time.monotonic)
     _unfinished_line: bytes = b""
     _stop_asked_s: float | None = None
@@ -63,7 +63,32 @@ class Job:
     @property
     def fraction(self) -> float:
         """Part of the present stage that is done, 0 to 1."""
-        return self.done / self.total if self.total else 0.0
+        return self.said.fraction
+
+    @property
+    def stage(self) -> str:
+        """What the worker is doing, in its own words; empty where it said nothing yet."""
+        return self.said.stage
+
+    @property
+    def done(self) -> int:
+        """Steps of that stage finished."""
+        return self.said.done
+
+    @property
+    def total(self) -> int:
+        """Steps of that stage."""
+        return self.said.total
+
+    @property
+    def seconds_left(self) -> float | None:
+        """In that stage; None while unknown."""
+        return self.said.seconds_left
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Figures of that stage, by name."""
+        return self.said.values
 
     def poll(self) -> Outcome:
         """Take in new progress, hold the worker to its limits, and say where the job stands."""
@@ -114,11 +139,21 @@ class Job:
             return "Cancelled"
         if self._outcome is Outcome.OUT_OF_TIME:
             return f"Stopped: it took longer than {self.time_limit_s:g} s"
-        log = (self.folder / LOG).read_text(errors="replace")
-        if "No module named sacha_core" in log or "No module named 'sacha_core'" in log:
+        lines = told.last_lines(self.folder / LOG, SHOWN_LINES)
+        if any("No module named sacha_core" in line or "No module named 'sacha_core'" in line for line in lines):
             return f"{self.process.args[0]} has no SACHA engine: install it there with pip"
-        lines = [line.strip() for line in log.splitlines() if line.strip()]
-        return lines[-1] if lines else f"The engine ended with code {self.process.returncode} and said nothing"
+        code = self.process.returncode
+        if code < 0:  # on POSIX: a signal that nobody here sent
+            return f"The engine was ended from outside (signal {-code}): is the memory large enough?"
+        return lines[-1] if lines else f"The engine ended with code {code} and said nothing"
+
+    def report(self) -> dict[str, Any]:
+        """Give the report that the command was told to write to `report.json` in the job's folder.
+
+        Raises:
+            ValueError: there is none, or it is none; in one sentence.
+        """
+        return told.read_report(self.folder / told.REPORT)
 
     def printed(self) -> str:
         """Give all that the worker wrote to its standard output."""
@@ -130,14 +165,11 @@ class Job:
 
     def _read_progress(self) -> None:
         """Take in what the worker has written since the last time; a line that is not whole yet waits."""
-        *lines, self._unfinished_line = (self._unfinished_line + self.output.read()).split(b"\n")
-        for line in lines:
-            try:
-                said = json.loads(line)
-                stage, done, total = str(said["stage"]), int(said["done"]), int(said["total"])
-            except (ValueError, KeyError, TypeError):
-                continue  # a library of the worker printed something: not progress
-            self.stage, self.done, self.total = stage, done, total
+        while written := self.output.read(LONGEST_LINE):
+            *lines, rest = (self._unfinished_line + written).split(b"\n")
+            self._unfinished_line = rest[-LONGEST_LINE:]
+            for line in lines:
+                self.said = told.parse_line(line) or self.said
 
     def _signal(self, *, kill: bool) -> None:
         """Tell the worker, and on POSIX whatever it started, to end."""
@@ -164,7 +196,7 @@ def start_job(command: Callable[[Path], list[str]], time_limit_s: float) -> Job:
     Raises:
         OSError: the program cannot be started, or no folder can be made.
     """
-    folder = Path(tempfile.mkdtemp(prefix="sacha-"))
+    folder = Path(tempfile.mkdtemp(prefix=leftovers.PREFIX))
     environment = {name: value for name, value in os.environ.items() if name not in BLENDER_ONLY}
     printed = folder / PRINTED
     try:
@@ -176,9 +208,10 @@ def start_job(command: Callable[[Path], list[str]], time_limit_s: float) -> Job:
                 stderr=stderr,
                 cwd=folder,
                 env=environment,
-                start_new_session=True,
+                **DETACHED,
             )
     except OSError:
         shutil.rmtree(folder)
         raise
+    leftovers.mark(folder, process.pid)
     return Job(process, folder, printed.open("rb"), time_limit_s)

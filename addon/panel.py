@@ -35,7 +35,9 @@ class SachaPanel(bpy.types.Panel):
             layout.prop(context.scene.sacha, "masks")
         else:
             layout.label(text=running_now.work.title)
-            layout.progress(factor=running_now.job.fraction, text=running_now.job.stage or "Starting")
+            said = running_now.job.said
+            text = ", ".join(filter(None, (said.stage or "Starting", said.left)))
+            layout.progress(factor=said.fraction, text=text)
             layout.operator("sacha.cancel", icon="CANCEL")
 
 

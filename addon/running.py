@@ -17,10 +17,12 @@ from bpy.props import BoolProperty
 from . import preferences
 from .engine import EngineMissingError
 from .job import Job, Outcome, start_job
+from .leftovers import sweep
 
-__all__ = ["CLASSES", "Work", "cancel", "end_now", "execute", "modal", "now", "wait_property"]
+__all__ = ["CLASSES", "Work", "attach", "cancel", "end_now", "execute", "modal", "now", "wait_property"]
 
 TICK_S = 0.25  # how often a window looks at a running job
+NONSENSE = "The engine answered with what the add-on does not understand: do their versions belong together?"
 
 
 @dataclass(frozen=True)
@@ -31,11 +33,13 @@ class Work:
         title: what the user is told is being done.
         command: gives program and arguments, given the job's folder.
         finish: takes over the results; gives the line that tells the user what was done. A ValueError is the user's to read.
+        time_limit_s: how long it may take; None for what the preferences say.
     """
 
     title: str
     command: Callable[[Path], list[str]]
     finish: Callable[[Job], str]
+    time_limit_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,8 @@ def execute(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str
         return {"CANCELLED"}
     try:
         work = operator.work(context)
-        job = start_job(work.command, preferences.time_limit_s(context))
+        limit_s = preferences.time_limit_s(context) if work.time_limit_s is None else work.time_limit_s
+        job = start_job(work.command, limit_s)
     except (EngineMissingError, OSError, ValueError) as error:
         operator.report({"ERROR"}, str(error))
         return {"CANCELLED"}
@@ -130,6 +135,9 @@ def _conclude(operator: bpy.types.Operator, work: Work, job: Job) -> set[str]:
     except (EngineMissingError, ValueError, OSError) as error:
         operator.report({"ERROR"}, str(error))
         return {"CANCELLED"}
+    except (LookupError, TypeError) as error:  # the worker left something, but not what it should
+        operator.report({"ERROR"}, f"{NONSENSE} ({type(error).__name__}: {error})")
+        return {"CANCELLED"}
     finally:
         job.remove()
     return {"FINISHED"}
@@ -162,3 +170,8 @@ class SachaCancel(bpy.types.Operator):
 
 
 CLASSES = (SachaCancel,)
+
+
+def attach() -> None:
+    """Clear away what Blenders left that crashed."""
+    sweep()

@@ -3,6 +3,6 @@
 
 from __future__ import annotations
 
-from . import decode_avatar, encode_avatar, panel
+from . import decode_avatar, encode_avatar, panel, settings
 
-PARTS = (encode_avatar, decode_avatar, panel)
+PARTS = (settings, encode_avatar, decode_avatar, panel)

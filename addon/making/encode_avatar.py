@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import bpy
@@ -52,8 +51,7 @@ class SachaEncode(bpy.types.Operator, ExportHelper):
             return engine.command(python, "encode", *given, "--json", folder / "report.json")
 
         def finish(job: Job) -> str:
-            told = json.loads((job.folder / "report.json").read_text(encoding="utf-8"))
-            return f"Encoded {source.name} to {target.name}: {told['bytes']['total']:,} bytes"
+            return f"Encoded {source.name} to {target.name}: {job.report()['bytes']['total']:,} bytes"
 
         return running.Work(f"Encoding {source.name}", command, finish)
 
