@@ -21,6 +21,7 @@ from sacha_core.cli.common import (
     require_both_sides,
     require_size,
 )
+from sacha_core.cli.comparing import CompareOptions
 from sacha_core.cli.console import Console
 from sacha_core.errors import OptionError
 from sacha_core.progress import Progress
@@ -28,12 +29,13 @@ from sacha_core.progress import Progress
 if TYPE_CHECKING:
     import numpy as np
 
-    from sacha_core.cli.cameras import RoundTheHead, ThroughCapture
+    from sacha_core.cli.cameras import Extent, RoundTheHead, ThroughCapture
+    from sacha_core.cli.sources import Opened
     from sacha_core.cli.stage import Stage
 
 __all__ = ["INPUTS", "Options", "ViewOptions", "run"]
 
-INPUTS = ("avatar", "motion")
+INPUTS = ("avatar", "motion", "vertices")
 
 DEFAULT_SIZE = (550, 802)  # the paper's images
 
@@ -65,6 +67,9 @@ class ViewOptions:
     camera: Annotated[tuple[int, ...], tyro.conf.arg(metavar="INDEX...")] = (8,)
     """Which of the capture's cameras; several give pictures side by side."""
 
+    camera_file: Annotated[MaybePath, tyro.conf.arg(metavar="FILE.json", help_behavior_hint="")] = None
+    """A camera of your own, instead of all the above: width, height, K, world_to_camera (OpenCV's axes, metres), and near if need be."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -75,6 +80,8 @@ class Options:
     sacha render a.sacha --video a.mp4 --azimuth -40 0 40
 
     sacha render a.sacha --video a.mp4 --dataset DATASET --camera 8 0
+
+    sacha render MODEL --level 2 -o a.png --error error.png
     """
 
     avatar: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="AVATAR")]
@@ -95,6 +102,9 @@ class Options:
     motion: FileOption = None
     """Motion (.npz) to play instead of the avatar's own."""
 
+    vertices: Annotated[MaybePath, tyro.conf.arg(metavar="FILE.npy", help_behavior_hint="")] = None
+    """Picture only: posed vertices (v, 3) of the head, metres, y up, instead of a frame of the motion."""
+
     colour: Literal["rgb", "region"] = "rgb"
     """rgb: as it looks; region: each Gaussian in the colour of its region."""
 
@@ -105,6 +115,7 @@ class Options:
     """Height of each picture; by default the capture's, or 802."""
 
     view: ViewOptions = field(default_factory=ViewOptions)
+    compare: CompareOptions = field(default_factory=CompareOptions)
     head: HeadSource = field(default_factory=HeadSource)
     common: Common = field(default_factory=Common)
 
@@ -123,7 +134,10 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         raise OptionError("expected one of the two: -o FILE.png for a picture, --video FILE.mp4 for a video")
     require_size(width=options.width, height=options.height)
     require_consistent(options)
+    require_posable(options)
     opened = open_avatar(options.avatar, options.head, options.motion)
+    if options.output is not None and is_posed_or_compared(options):
+        return draw_posed(opened, options, options.output, console)
     gaussians = opened.avatar.gaussians
     colours = region_colours(gaussians, opened.head) if options.colour == "region" else None
     with closing(Stage(gaussians, opened.head, opened.avatar.motion, colours)) as stage:
@@ -158,17 +172,77 @@ def require_consistent(options: Options) -> None:
         raise OptionError("--orbit is for a video; expected --azimuth DEGREES for a picture")
 
 
+def require_posable(options: Options) -> None:
+    """Check that a camera's file is the whole camera, and that what is for pictures alone is not given for a video.
+
+    Raises:
+        OptionError: naming the first option that has no part in what will be drawn.
+    """
+    from sacha_core.cli import comparing
+
+    view = options.view
+    if view.camera_file is not None and view != ViewOptions(camera_file=view.camera_file):
+        raise OptionError("--camera-file is the whole camera; expected no other option that says where from")
+    if view.camera_file is not None and (options.width, options.height) != (None, None):
+        raise OptionError("--camera-file says how large the picture is; expected no --width and --height")
+    if options.video is not None:
+        for name, value in (("camera-file", view.camera_file), ("vertices", options.vertices)):
+            if value is not None:
+                raise OptionError(f"--{name} is for a picture; expected -o FILE.png with it")
+        if options.compare != CompareOptions():
+            raise OptionError("comparing is for a picture; expected -o FILE.png with --level or --against")
+    comparing.require_consistent(options.compare)
+
+
+def is_posed_or_compared(options: Options) -> bool:
+    """Tell whether a picture takes more than a frame and the usual cameras."""
+    return (
+        options.vertices is not None
+        or options.view.camera_file is not None
+        or any(getattr(options.compare, name) is not None for name in ("level", "against"))
+    )
+
+
+def draw_posed(opened: Opened, options: Options, path: Path, console: Console) -> dict[str, Any]:
+    """Write a picture of any pose from any camera, and beside it, where that was asked for, what it is compared with."""
+    from sacha_core.cli import comparing
+    from sacha_core.cli.posing import extent_in, placed_cameras, posed_frames
+    from sacha_core.cli.stage import region_colours
+
+    comparing.require_image_name(path)
+    frames = posed_frames(opened, options.frame, options.vertices)
+    truth, shown, n_bytes = (
+        comparing.compared_with(opened, options.compare, options.head),
+        opened.avatar.gaussians,
+        None,
+    )
+    if options.compare.level is not None:
+        shown, n_bytes = comparing.left_at_level(opened, options.avatar, options.compare, console)
+    cameras = placed_cameras(options, lambda: viewpoints(extent_in(opened.avatar.gaussians, frames), options))
+    colours = [
+        None if gaussians is None or options.colour == "rgb" else region_colours(gaussians, opened.head)
+        for gaussians in (shown, truth)
+    ]
+    view = comparing.draw_view(shown, frames, cameras, colours[0])
+    comparing.write_image(path, view.image)
+    height, width = view.image.shape[:2]
+    console.wrote("picture", path, f"{width}x{height}, {len(shown):,} Gaussians")
+    report = {"picture": path, "width": width, "height": height, "frame": options.frame, "n_gaussians": len(shown)}
+    report |= {"bytes": n_bytes, "level": options.compare.level}
+    if truth is None:
+        return report
+    beside = comparing.draw_view(truth, frames, cameras, colours[1])
+    return report | comparing.write_compared(view, beside, options.compare, console)
+
+
 def draw_picture(stage: Stage, options: Options, path: Path, console: Console) -> dict[str, Any]:
     """Write one frame as an image."""
-    from PIL import Image
+    from sacha_core.cli.comparing import require_image_name, write_image
 
-    from sacha_core.files import write_aside
-
-    if path.suffix.lower() not in Image.registered_extensions():
-        raise OptionError(f"{path}: expected the name of an image, such as {path.stem}.png")
-    image = stage.draw(options.frame, viewpoints(stage, options, options.frame).cameras(options.frame, 0.0))
-    with write_aside(path) as aside:
-        Image.fromarray(image).save(aside)
+    require_image_name(path)
+    cameras = viewpoints(stage.extent(options.frame), options).cameras(options.frame, 0.0)
+    image = stage.draw(options.frame, cameras)
+    write_image(path, image)
     height, width = image.shape[:2]
     console.wrote("picture", path, f"{width}x{height}, frame {options.frame} of {len(stage.motion)}")
     return {"picture": path, "width": width, "height": height, "frame": options.frame}
@@ -179,7 +253,7 @@ def draw_video(stage: Stage, options: Options, path: Path, console: Console) -> 
     from sacha_core.cli.video import write_video
 
     frames = frame_range(options.frames, len(stage.motion))
-    looking = viewpoints(stage, options, frames[0])
+    looking = viewpoints(stage.extent(frames[0]), options)
     size = [0, 0]
 
     def images() -> Iterator[np.ndarray]:
@@ -196,7 +270,7 @@ def draw_video(stage: Stage, options: Options, path: Path, console: Console) -> 
     return {"video": path, "width": size[0], "height": size[1], "n_frames": len(frames), "duration_s": seconds}
 
 
-def viewpoints(stage: Stage, options: Options, first_frame: int) -> RoundTheHead | ThroughCapture:
+def viewpoints(extent: Extent, options: Options) -> RoundTheHead | ThroughCapture:
     """Give where the cameras stand."""
     from sacha_core.cli.cameras import RoundTheHead, ThroughCapture
     from sacha_core.interchange.capture import read_capture
@@ -206,7 +280,6 @@ def viewpoints(stage: Stage, options: Options, first_frame: int) -> RoundTheHead
         require_both_sides(options.width, options.height)
         return ThroughCapture(read_capture(view.dataset), view.camera, options.width, options.height)
     width, height = options.width or DEFAULT_SIZE[0], options.height or DEFAULT_SIZE[1]
-    extent = stage.extent(first_frame)
     return RoundTheHead(extent, width, height, view.azimuth, view.elevation, view.distance, view.focal)
 
 
