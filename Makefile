@@ -39,9 +39,10 @@ bench: install
 bench-page: bench
 	$(BIN)/sacha bench page out/bench --out docs/performance.md
 
-# PlayCanvas' splat-transform, pinned, for `sacha bench codec`: into .peers, with a line that tells the bench where it is.
+# PlayCanvas' splat-transform, pinned, for `sacha bench codec` and `sacha export --format spz`: into .peers, with a line that tells them where
+# it is. And the Khronos Group's validator of glTF, which the tests find there.
 peers:
-	npm install --prefix .peers --no-audit --no-fund @playcanvas/splat-transform@3.7.0
+	npm install --prefix .peers --no-audit --no-fund @playcanvas/splat-transform@3.7.0 gltf-validator@2.0.0-dev.3.10
 	@echo "export SACHA_SPLAT_TRANSFORM=$(CURDIR)/.peers/node_modules/.bin/splat-transform"
 
 install: .venv/.installed

@@ -31,7 +31,11 @@ FAULTS = (  # what zipfile and numpy.lib.format raise on hostile bytes
 
 
 def read_npz(
-    path: str | os.PathLike[str], *, skip: tuple[str, ...] = (), max_bytes: int = MAX_BYTES
+    path: str | os.PathLike[str],
+    *,
+    skip: tuple[str, ...] = (),
+    max_bytes: int = MAX_BYTES,
+    pickled: dict[str, bytes] | None = None,
 ) -> dict[str, np.ndarray]:
     """Read every array of an `.npz` file.
 
@@ -41,6 +45,7 @@ def read_npz(
         path: the file.
         skip: names of arrays that are not wanted; they are not even decompressed.
         max_bytes: most bytes that the arrays may have together.
+        pickled: where given, the pickles of object arrays are put here by name, as they are, and are no error.
 
     Returns:
         Arrays by name, in the file's order.
@@ -55,14 +60,16 @@ def read_npz(
             raise FormatError(f"{file}: not an .npz archive (a zip archive of NumPy arrays)", offset=0)
         try:
             with zipfile.ZipFile(stream) as archive:
-                return _read_members(archive, skip, max_bytes)
+                return _read_members(archive, skip, max_bytes, pickled)
         except FormatError as error:
             raise FormatError(f"{file}: {error}") from error
         except FAULTS as error:
             raise FormatError(f"{file}: damaged .npz archive: {str(error) or type(error).__name__}") from error
 
 
-def _read_members(archive: zipfile.ZipFile, skip: tuple[str, ...], max_bytes: int) -> dict[str, np.ndarray]:
+def _read_members(
+    archive: zipfile.ZipFile, skip: tuple[str, ...], max_bytes: int, pickled: dict[str, bytes] | None
+) -> dict[str, np.ndarray]:
     arrays: dict[str, np.ndarray] = {}
     total = 0
     for member in archive.infolist():
@@ -78,16 +85,22 @@ def _read_members(archive: zipfile.ZipFile, skip: tuple[str, ...], max_bytes: in
             raise FormatError(
                 f"array {name!r} claims {member.file_size} bytes, which its {member.compress_size} cannot hold"
             )
-        arrays[name] = _read_array(io.BytesIO(archive.read(member)), member.file_size, name)
+        array = _read_array(io.BytesIO(archive.read(member)), member.file_size, name, pickled is not None)
+        if isinstance(array, np.ndarray):
+            arrays[name] = array
+        elif pickled is not None:
+            pickled[name] = array
     return arrays
 
 
-def _read_array(stream: io.BytesIO, n_bytes: int, name: str) -> np.ndarray:
+def _read_array(stream: io.BytesIO, n_bytes: int, name: str, give_pickles: bool) -> np.ndarray | bytes:
     version = np.lib.format.read_magic(stream)
     if version not in {(1, 0), (2, 0)}:
         raise FormatError(f"array {name!r} has .npy version {version}, expected 1.0 or 2.0")
     header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, fortran_order, dtype = header(stream)
+    if dtype.hasobject and give_pickles:
+        return stream.read()
     if dtype.hasobject:
         raise FormatError(f"array {name!r} holds Python objects, which are never read; expected numbers or text")
     if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize != n_bytes - stream.tell():

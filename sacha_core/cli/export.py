@@ -4,24 +4,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource
+from sacha_core.cli.common import Common, FileOption, HeadSource, MaybeFloat
 from sacha_core.cli.console import Console
-from sacha_core.errors import OptionError
 
 __all__ = ["INPUTS", "FormatName", "Options", "run"]
 
 INPUTS = ("avatar", "motion")
 
-FormatName = Literal["ply"]
+FormatName = Literal["ply", "gltf-splats", "spz"]
 
 
 @dataclass(frozen=True)
 class Options:
-    """Write an avatar in the formats of other programs, frame by frame where they know no motion.
+    """Write an avatar in the formats of other programs.
+
+    ply: Gaussians in the world as 3D Gaussian Splatting has them, which every splat viewer opens. gltf-splats: the same as a .glb with the
+    extension KHR_gaussian_splatting. spz: the same as Niantic's SPZ, by the program splat-transform.
 
     sacha export a.sacha --format ply --frames 12 -o frame.ply
 
@@ -35,10 +37,16 @@ class Options:
     """The file to write; for several frames a folder, in which each is called by its number: 00012.ply."""
 
     format: FormatName = "ply"
-    """ply: Gaussians in the world as 3D Gaussian Splatting has them, which every splat viewer opens."""
+    """What to write, see above."""
 
     frames: Annotated[str, tyro.conf.arg(metavar="FRAMES")] = "0"
     """One frame (12), or a slice as in Python (0:100, ::2, all of them with a lone colon)."""
+
+    y_down: bool = False
+    """Turn a PLY over: for viewers that take it for y down, as 3D Gaussian Splatting's scenes are."""
+
+    enlarge: Annotated[MaybeFloat, tyro.conf.arg(metavar="FACTOR", help_behavior_hint="(default: 1; SPZ 16)")] = None
+    """How many times as large as life, which is in metres."""
 
     motion: FileOption = None
     """Motion (.npz) to take the frames from instead of the avatar's own."""
@@ -54,20 +62,17 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         SachaError: the avatar, its head or the options make no sense.
         OSError: a file cannot be read or written.
     """
-    from sacha_core.cli.exporting import FORMATS
+    from sacha_core.cli.exporting import FORMATS, require_consistent
     from sacha_core.cli.sources import open_avatar
 
-    assert set(FORMATS) == set(get_args(FormatName))
-    chosen = FORMATS[options.format]
-    if not chosen.by_frame and options.frames != Options.frames:
-        raise OptionError(f"--frames is for formats of single frames; {options.format} has none")
+    require_consistent(options)
     opened = open_avatar(options.avatar, options.head, options.motion)
-    written = chosen.write(opened, options.output, options.frames, console)
-    total = sum(path.stat().st_size for path in written)
-    return {"format": options.format, "files": [str(path) for path in written], "bytes": total, **facts(opened)}
-
-
-def facts(opened: Any) -> dict[str, Any]:
-    """Give what the report says of the avatar."""
+    written = FORMATS[options.format].write(opened, options, console)
     motion = opened.avatar.motion
-    return {"n_gaussians": len(opened.avatar.gaussians), "n_frames": len(motion) if motion else 0}
+    return {
+        "format": options.format,
+        "files": [str(path) for path in written],
+        "bytes": sum(path.stat().st_size for path in written),
+        "n_gaussians": len(opened.avatar.gaussians),
+        "n_frames": len(motion) if motion else 0,
+    }

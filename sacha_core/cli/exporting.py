@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sacha_core.animation.standing import Standing
 from sacha_core.avatar.gaussians import Gaussians
@@ -12,12 +14,20 @@ from sacha_core.cli.console import Console, kilobytes
 from sacha_core.cli.render import frame_range
 from sacha_core.cli.sources import Opened
 from sacha_core.errors import OptionError
+from sacha_core.evaluate.peers.peer import enlarged
+from sacha_core.evaluate.peers.splat_transform import lacking, transform
+from sacha_core.files import write_aside
+from sacha_core.interchange.gltf_splats import write_gltf_splats
 from sacha_core.interchange.splat_ply import write_world_ply
+from sacha_core.interchange.y_down import turned_over
 from sacha_core.progress import Progress
 
-__all__ = ["FORMATS", "Format"]
+if TYPE_CHECKING:
+    from sacha_core.cli.export import Options
 
-Write = Callable[[Opened, Path, str, Console], list[Path]]
+__all__ = ["FORMATS", "Format", "require_consistent"]
+
+SPZ_ENLARGED = 16.0  # SPZ rounds places to 1/4096 of a unit, a quarter of a millimetre were the unit a metre
 
 
 @dataclass(frozen=True)
@@ -25,30 +35,56 @@ class Format:
     """One format to export to.
 
     Args:
-        write: writes an avatar there, the frames that a text names, and gives the files.
-        by_frame: whether a file of it holds one frame, so that frames can be chosen.
+        write: writes an avatar as the options say, and gives the files.
+        takes: options that it has a use for, beside those that all have.
+        enlarge: by how much it enlarges where nobody says.
     """
 
-    write: Write
-    by_frame: bool = False
+    write: Callable[[Opened, Options, Console], list[Path]]
+    takes: tuple[str, ...] = ()
+    enlarge: float = 1.0
 
 
-def each_frame(suffix: str, write_one: Callable[[Path, Gaussians], None]) -> Format:
+def require_consistent(options: Options) -> None:
+    """Check that every option that was given has a part in what will be written.
+
+    Raises:
+        OptionError: naming the first that has none, or that makes no sense.
+    """
+    chosen = FORMATS[options.format]
+    usual = type(options)
+    for name in ("frames", "y_down", "enlarge"):
+        if getattr(options, name) != getattr(usual, name) and name not in chosen.takes:
+            able = " and ".join(sorted(other for other, format_ in FORMATS.items() if name in format_.takes))
+            raise OptionError(f"--{name.replace('_', '-')} is for {able}; --format {options.format} has no use for it")
+    if options.enlarge is not None and not 1e-3 <= options.enlarge <= 1e6:
+        raise OptionError(f"--enlarge is {options.enlarge:g}, expected a factor between 0.001 and a million")
+
+
+def each_frame(
+    suffix: str, write_one: Callable[[Path, Gaussians], None], takes: tuple[str, ...] = (), enlarge: float = 1.0
+) -> Format:
     """Give the format whose files each hold the Gaussians of one frame."""
 
-    def write(opened: Opened, output: Path, frames: str, console: Console) -> list[Path]:
+    def write(opened: Opened, options: Options, console: Console) -> list[Path]:
         standing = Standing(opened.avatar.gaussians, opened.head, opened.avatar.motion)
-        chosen = chosen_frames(frames, len(standing))
-        paths = frame_paths(output, chosen, suffix)
-        for done, (frame, path) in enumerate(zip(chosen, paths, strict=True), start=1):
-            write_one(path, standing(frame))
-            console.report(Progress("write", done, len(chosen)))
-        many = f"{len(paths)} frames, " if len(paths) > 1 else f"frame {chosen[0]}, "
+        frames = chosen_frames(options.frames, len(standing))
+        paths = frame_paths(options.output, frames, suffix)
+        factor = enlarge if options.enlarge is None else options.enlarge
+        for done, (frame, path) in enumerate(zip(frames, paths, strict=True), start=1):
+            gaussians = standing(frame)
+            if factor != 1:
+                gaussians = enlarged(gaussians, factor)
+            write_one(path, turned_over(gaussians) if options.y_down else gaussians)
+            console.report(Progress("write", done, len(frames)))
+        many = f"{len(paths)} frames, " if len(paths) > 1 else f"frame {frames[0]}, "
+        size = f", {factor:g} times as large as life" if factor != 1 else ""
         total = sum(path.stat().st_size for path in paths)
-        console.wrote("splats", output, f"{many}{len(opened.avatar.gaussians):,} Gaussians, {kilobytes(total)}")
+        told = f"{many}{len(opened.avatar.gaussians):,} Gaussians, {kilobytes(total)}{size}"
+        console.wrote("splats", options.output, told)
         return paths
 
-    return Format(write, by_frame=True)
+    return Format(write, ("frames", "enlarge", *takes), enlarge)
 
 
 def chosen_frames(text: str, n_frames: int) -> range:
@@ -79,4 +115,25 @@ def frame_paths(output: Path, frames: range, suffix: str) -> list[Path]:
     return [output]
 
 
-FORMATS = {"ply": each_frame(".ply", write_world_ply)}
+def write_spz(path: Path, gaussians: Gaussians) -> None:
+    """Write Niantic's SPZ by PlayCanvas' program, which takes a PLY and turns it over, since SPZ's y is up.
+
+    Raises:
+        OptionError: the program is missing.
+        PeerError: it failed.
+        OSError: a file cannot be written.
+    """
+    lack = lacking()
+    if lack is not None:
+        raise OptionError(f"--format spz {lack}")
+    with tempfile.TemporaryDirectory() as name, write_aside(path) as aside:
+        write_world_ply(Path(name) / "in.ply", turned_over(gaussians), gaussians.sh_degree)
+        transform(Path(name), "in.ply", "out.spz")
+        aside.write_bytes((Path(name) / "out.spz").read_bytes())
+
+
+FORMATS = {
+    "ply": each_frame(".ply", write_world_ply, ("y_down",)),
+    "gltf-splats": each_frame(".glb", write_gltf_splats),
+    "spz": each_frame(".spz", write_spz, enlarge=SPZ_ENLARGED),
+}

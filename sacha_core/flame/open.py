@@ -10,7 +10,7 @@ from pathlib import Path
 from sacha_core.errors import FormatError, GeometryError, HeadError, SachaError
 from sacha_core.flame.head_file import head_from_arrays, is_head_archive
 from sacha_core.flame.model import HeadModel
-from sacha_core.flame.pickles import read_flame_pickle, read_masks
+from sacha_core.flame.pickles import flame_from_arrays, is_flame_archive, read_flame_pickle, read_masks
 from sacha_core.flame.rig import is_rig_archive, rig_from_arrays
 from sacha_core.flame.teeth import FLAME_VERTICES, add_teeth, is_flame
 from sacha_core.geometry.triangle import triangle_frames
@@ -28,9 +28,9 @@ def open_head(
     """Open a head.
 
     Args:
-        source: a head model (`.npz`), a rig (`.npz`), a FLAME pickle, or `synthetic`, `synthetic:small`, `synthetic:full:7`.
+        source: a head model or rig (`.npz`), FLAME (a pickle or `.npz`), or `synthetic`, `synthetic:small`, `synthetic:full:7`.
         masks: file of FLAME's vertex masks, for a head of FLAME's topology that brings none.
-        teeth: add GaussianAvatars' teeth to a FLAME pickle, as its avatars expect.
+        teeth: add GaussianAvatars' teeth to FLAME, as its avatars expect.
 
     Returns:
         The head, checked.
@@ -83,28 +83,35 @@ def _open_file(path: Path, *, teeth: bool) -> HeadModel:
     with path.open("rb") as stream:
         start = stream.read(2)
     if start.startswith(PICKLE_STARTS):
-        head = read_flame_pickle(path)
+        head, from_flame = read_flame_pickle(path), True
     elif start == b"PK":
-        head = _open_archive(path)
+        head, from_flame = _open_archive(path)
     else:
         raise FormatError(f"{path}: neither an .npz archive (of a head model or a rig) nor a FLAME pickle", offset=0)
     try:
         triangle_frames(head.v_template, head.faces)
     except GeometryError as error:
         raise GeometryError(f"{path}: {error}") from error
-    return add_teeth(head) if start != b"PK" and teeth and is_flame(head) else head
+    return add_teeth(head) if from_flame and teeth and is_flame(head) else head
 
 
-def _open_archive(path: Path) -> HeadModel:
-    arrays = read_npz(path)
+def _open_archive(path: Path) -> tuple[HeadModel, bool]:
+    """Give the head in an archive, and whether it is FLAME's own model, which comes without teeth."""
+    pickled: dict[str, bytes] = {}
+    arrays = read_npz(path, pickled=pickled)
+    if is_flame_archive(arrays):
+        return flame_from_arrays(arrays, pickled, path), True
+    if pickled:
+        raise FormatError(f"{path}: array {next(iter(pickled))!r} holds Python objects, which are never read")
     try:
         if is_head_archive(arrays):
-            return head_from_arrays(arrays, path.stem)
+            return head_from_arrays(arrays, path.stem), False
         if is_rig_archive(arrays):
-            return rig_from_arrays(arrays, path.stem)
+            return rig_from_arrays(arrays, path.stem), False
     except SachaError as error:
         raise type(error)(f"{path}: {error}") from error
     held = ", ".join(list(arrays)[:8]) or "nothing"
     raise FormatError(
-        f"{path}: holds neither a head model (v_template, faces, ...) nor a rig (verts, faces); it holds {held}"
+        f"{path}: holds neither a head model (v_template, faces, ...) nor FLAME (v_template, f, ...) nor a rig (verts, faces);"
+        f" it holds {held}"
     )

@@ -1,8 +1,12 @@
-"""FLAME as its authors distribute it: the licensed pickles of 2020, 2023 and 2023 Open, and the vertex masks."""
+"""FLAME as its authors distribute it: the licensed pickles of 2020, 2023 and 2023 Open, and the vertex masks.
+
+Some tools keep the same dictionary as an `.npz`, the sparse regressor of the joints as a pickle inside it; both are read alike.
+"""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +14,10 @@ from jaxtyping import Int
 
 from sacha_core.errors import FormatError, HeadError
 from sacha_core.flame.model import HeadModel
-from sacha_core.flame.unpickler import ArrayRecord, ChumpyRecord, SparseRecord, read_pickle
+from sacha_core.flame.unpickler import ArrayRecord, ChumpyRecord, SparseRecord, parse_pickle, read_pickle
 from sacha_core.npz import as_float32, read_npz
 
-__all__ = ["read_flame_pickle", "read_masks"]
+__all__ = ["flame_from_arrays", "is_flame_archive", "read_flame_pickle", "read_masks"]
 
 N_IDENTITY = 300  # of the directions of shape that a FLAME pickle holds in one array, the first are identity, the others expression
 DEPTH = 8  # of chumpy operations on one another
@@ -42,12 +46,55 @@ def read_flame_pickle(path: str | os.PathLike[str], n_identity: int = N_IDENTITY
     content = read_pickle(file)
     if not isinstance(content, dict):
         raise FormatError(f"{file}: holds a {type(content).__name__}, expected the dictionary of a FLAME model")
+    return _checked_head(file, content, n_identity)
+
+
+def is_flame_archive(names: Iterable[str]) -> bool:
+    """Tell whether names are those of the arrays of a FLAME model, complete or not."""
+    return {"v_template", "f"} <= set(names)
+
+
+def flame_from_arrays(
+    arrays: Mapping[str, np.ndarray], pickled: Mapping[str, bytes], path: Path, n_identity: int = N_IDENTITY
+) -> HeadModel:
+    """Make a checked head of a FLAME model whose dictionary was saved as an `.npz`; see `read_flame_pickle`.
+
+    Args:
+        arrays: by FLAME's names.
+        pickled: pickles of what the archive holds as objects, of which only the regressor of the joints is looked into, by the same reader
+            that runs nothing.
+        path: of the archive, for messages and the head's name.
+        n_identity: how many of its shape directions are identity.
+
+    Raises:
+        FormatError: it is no FLAME model, or its regressor asks for something else than arrays.
+        HeadError: its arrays do not fit together.
+    """
+    content: dict[object, object] = {}
+    content.update(arrays.items())
+    if "J_regressor" in pickled:
+        try:
+            content["J_regressor"] = _only_object(parse_pickle(pickled["J_regressor"]))
+        except FormatError as error:
+            raise FormatError(f"{path}: J_regressor: {error}") from error
+    return _checked_head(path, content, n_identity)
+
+
+def _checked_head(file: Path, content: dict[object, object], n_identity: int) -> HeadModel:
     try:
         head = _head(content, file.stem, n_identity)
         head.validate()
     except (FormatError, HeadError) as error:
         raise type(error)(f"{file}: {error}") from error
     return head
+
+
+def _only_object(value: object) -> object:
+    """Give what an array of one object holds."""
+    if not isinstance(value, ArrayRecord) or not isinstance(value.state, tuple) or len(value.state) != 5:
+        return value
+    held = value.state[4]
+    return held[0] if isinstance(held, list) and len(held) == 1 else value
 
 
 def read_masks(path: str | os.PathLike[str]) -> dict[str, Int[np.ndarray, " m"]]:
@@ -125,6 +172,8 @@ def _number_array(value: object, name: str, depth: int = DEPTH) -> np.ndarray:
     """Turn a record into the array that it stands for."""
     if isinstance(value, ArrayRecord):
         return value.array()
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
+        return value
     if isinstance(value, list) and all(type(item) in {int, float} for item in value):
         try:
             return np.array(value, np.float64)

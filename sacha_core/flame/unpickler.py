@@ -18,7 +18,7 @@ import numpy as np
 
 from sacha_core.errors import FormatError
 
-__all__ = ["ArrayRecord", "ChumpyRecord", "SparseRecord", "read_pickle"]
+__all__ = ["ArrayRecord", "ChumpyRecord", "SparseRecord", "parse_pickle", "read_pickle"]
 
 MAX_BYTES = 1 << 30  # FLAME's pickles have 50 to 110 MB
 NUMBER_CODES = frozenset(["f2", "f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "b1"])
@@ -258,8 +258,18 @@ def read_pickle(path: str | os.PathLike[str]) -> object:
     with file.open("rb") as stream:
         data = stream.read(n_bytes)
     try:
-        return _Unpickler(io.BytesIO(data), encoding="latin1").load()
+        return parse_pickle(data)
     except FormatError as error:
         raise FormatError(f"{file}: {error}") from error
+
+
+def parse_pickle(data: bytes) -> object:
+    """Read a pickle as `read_pickle` does, from its bytes.
+
+    Raises:
+        FormatError: it is damaged, or asks for anything else than arrays; the message names what.
+    """
+    try:
+        return _Unpickler(io.BytesIO(data), encoding="latin1").load()
     except FAULTS as error:
-        raise FormatError(f"{file}: damaged pickle ({type(error).__name__}: {str(error)[:200]})") from error
+        raise FormatError(f"damaged pickle ({type(error).__name__}: {str(error)[:200]})") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from plyfile import PlyData
 
 from sacha_core.avatar.binding import to_world
 from sacha_core.codec import decode
+from sacha_core.evaluate.peers.splat_transform import lacking, transform
 from sacha_core.flame.posing import Poser
 from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.geometry.triangle import triangle_frames
@@ -61,3 +63,47 @@ def test_one_frame_is_one_file(done, sacha_file: Path, tmp_path: Path) -> None:
 def test_frames_that_are_not_there(refused, sacha_file: Path, tmp_path: Path, arguments, said: str) -> None:
     assert said in refused("export", sacha_file, *arguments, "-o", tmp_path / "a.ply")
     assert not list(tmp_path.iterdir())
+
+
+def test_gltf_takes_frames_too_and_can_be_larger(done, sacha_file: Path, tmp_path: Path) -> None:
+    report = done("export", sacha_file, "--format", "gltf-splats", "--frames", ":2", "-o", tmp_path / "frames").report
+    assert [Path(file).name for file in report["files"]] == ["00000.glb", "00001.glb"]
+    done("export", sacha_file, "-o", tmp_path / "a.ply")
+    done("export", sacha_file, "--enlarge", 10, "--y-down", "-o", tmp_path / "b.ply")
+    small, large = (columns(tmp_path / name, "x", "y", "z") for name in ("a.ply", "b.ply"))
+    np.testing.assert_allclose(large, small * [-10, -10, 10], rtol=1e-6)
+    for scale in ("scale_0", "scale_2"):
+        difference = columns(tmp_path / "b.ply", scale) - columns(tmp_path / "a.ply", scale)
+        np.testing.assert_allclose(difference, np.log(10), atol=LOG_ERROR)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--format", "gltf-splats", "--y-down"), "--y-down is for ply; --format gltf-splats has no use for it"),
+        (("--enlarge", "nan"), "--enlarge is nan, expected a factor"),
+        (("--enlarge", "-1"), "--enlarge is -1, expected a factor"),
+    ],
+)
+def test_options_without_a_use(refused, sacha_file: Path, tmp_path: Path, arguments, said: str) -> None:
+    assert said in refused("export", sacha_file, *arguments, "-o", tmp_path / "a.ply")
+    assert not list(tmp_path.iterdir())
+
+
+def test_spz_comes_back_through_its_own_program(call, done, sacha_file: Path, tmp_path: Path) -> None:
+    """Oracle: the same frame as PLY; SPZ rounds places to 1/4096 and opacities and colours to 8 bits."""
+    outcome = call("export", sacha_file, "--format", "spz", "-o", tmp_path / "a.spz")
+    if lacking():
+        assert outcome.status == 2
+        assert "needs the program splat-transform" in outcome.err
+        assert not list(tmp_path.iterdir())
+        if {"spz", "all"} & set(os.environ.get("SACHA_REQUIRE_PEERS", "").split(",")):
+            pytest.fail(lacking() or "")
+        return
+    assert outcome.status == 0, outcome.err
+    transform(tmp_path, "a.spz", "back.ply")
+    done("export", sacha_file, "--enlarge", 16, "--y-down", "-o", tmp_path / "a.ply")
+    back, given = (columns(tmp_path / name, "x", "y", "z") for name in ("back.ply", "a.ply"))
+    near = np.abs(back[:, None] - given[None]).max(axis=2).min(axis=0)  # it may reorder them
+    assert len(back) == len(given)
+    assert near.max() < 0.75 / 4096
