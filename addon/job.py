@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import IO, Any
 
 from . import leftovers, told
+from .ending import Ending, Heard, ending, quoted
 from .processes import DETACHED
 from .told import LOG, PRINTED, Told
 
 __all__ = ["Job", "Outcome", "start_job"]
 
 GRACE_S = 5.0  # between asking a worker to stop and ending it
-SHOWN_LINES = 20  # of the log, where what went wrong is looked for
 TICK_S = 0.05  # how often a waiting caller looks
 LONGEST_LINE = 1 << 20  # bytes: a line without an end is no progress, and must not fill the memory
 BLENDER_ONLY = ("PYTHONHOME", "PYTHONPATH")  # point at Blender's own Python, which is not the worker's
@@ -48,6 +48,7 @@ class Job:
         output: read end of the progress that the worker writes, one JSON object a line.
         time_limit_s: how long it may take.
         said: its last line of progress.
+        heard: what else it said: who it is, and what ended it.
     """
 
     process: subprocess.Popen[bytes]
@@ -55,6 +56,7 @@ class Job:
     output: IO[bytes]
     time_limit_s: float
     said: Told = field(default_factory=Told)
+    heard: Heard = field(default_factory=Heard)
     started_s: float = field(default_factory=time.monotonic)
     _unfinished_line: bytes = b""
     _stop_asked_s: float | None = None
@@ -97,14 +99,19 @@ class Job:
         code = self.process.poll()
         self._read_progress()
         now_s = time.monotonic()
+        disagreeing = self.heard.disagreement() is not None
         if code is None:
+            if disagreeing:  # what it does would be misread: not worth waiting for
+                self.ask_to_stop()
             if self._stop_asked_s is None and now_s - self.started_s > self.time_limit_s:
                 self.ask_to_stop()
             elif self._stop_asked_s is not None and now_s - self._stop_asked_s > GRACE_S:
                 self._signal(kill=True)
             return Outcome.RUNNING
         self.output.close()
-        if code == 0:
+        if disagreeing:
+            self._outcome = Outcome.FAILED
+        elif code == 0:
             self._outcome = Outcome.FINISHED
         elif self._stop_asked_s is None:
             self._outcome = Outcome.FAILED
@@ -139,13 +146,7 @@ class Job:
             return "Cancelled"
         if self._outcome is Outcome.OUT_OF_TIME:
             return f"Stopped: it took longer than {self.time_limit_s:g} s"
-        lines = told.last_lines(self.folder / LOG, SHOWN_LINES)
-        if any("No module named sacha_core" in line or "No module named 'sacha_core'" in line for line in lines):
-            return f"{self.process.args[0]} has no SACHA engine: install it there with pip"
-        code = self.process.returncode
-        if code < 0:  # on POSIX: a signal that nobody here sent
-            return f"The engine was ended from outside (signal {-code}): is the memory large enough?"
-        return lines[-1] if lines else f"The engine ended with code {code} and said nothing"
+        return self._ending().message
 
     def report(self) -> dict[str, Any]:
         """Give the report that the command was told to write to `report.json` in the job's folder.
@@ -155,6 +156,17 @@ class Job:
         """
         return told.read_report(self.folder / told.REPORT)
 
+    @property
+    def kind(self) -> str:
+        """What kind of problem ended the job (`advice.py`); empty where none did or none is known."""
+        if self._outcome is Outcome.OUT_OF_TIME:
+            return "OutOfTime"
+        return self._ending().kind if self._outcome is Outcome.FAILED else ""
+
+    def quoted(self) -> str:
+        """Give how the worker was called and the end of its log, for diagnostics."""
+        return quoted(self.process.args, self.process.returncode, self.folder)
+
     def printed(self) -> str:
         """Give all that the worker wrote to its standard output."""
         return (self.folder / PRINTED).read_text(errors="replace")
@@ -163,13 +175,17 @@ class Job:
         """Remove the job's folder."""
         shutil.rmtree(self.folder)
 
+    def _ending(self) -> Ending:
+        return ending(self.process.args, self.process.returncode, self.folder, self.heard)
+
     def _read_progress(self) -> None:
         """Take in what the worker has written since the last time; a line that is not whole yet waits."""
         while written := self.output.read(LONGEST_LINE):
             *lines, rest = (self._unfinished_line + written).split(b"\n")
             self._unfinished_line = rest[-LONGEST_LINE:]
             for line in lines:
-                self.said = told.parse_line(line) or self.said
+                if not self.heard.line(line):
+                    self.said = told.parse_line(line) or self.said
 
     def _signal(self, *, kill: bool) -> None:
         """Tell the worker, and on POSIX whatever it started, to end."""

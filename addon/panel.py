@@ -6,7 +6,10 @@ from __future__ import annotations
 import bpy
 
 from . import preferences, running
+from .advice import advice
 from .engine import EngineMissingError
+from .telling.box import draw_problem
+from .telling.lines import draw_sentence
 
 __all__ = ["CLASSES"]
 
@@ -26,7 +29,7 @@ class SachaPanel(bpy.types.Panel):
         try:
             preferences.engine_python(context)
         except EngineMissingError as missing:
-            _draw_missing(layout, str(missing))
+            _draw_missing(layout, context, str(missing))
             return
         running_now = running.now()
         if running_now is None:
@@ -39,14 +42,16 @@ class SachaPanel(bpy.types.Panel):
             text = ", ".join(filter(None, (said.stage or "Starting", said.left)))
             layout.progress(factor=said.fraction, text=text)
             layout.operator("sacha.cancel", icon="CANCEL")
+        draw_problem(layout, context)
 
 
-def _draw_missing(layout: bpy.types.UILayout, message: str) -> None:
-    """Say that there is no engine and where to name one."""
+def _draw_missing(layout: bpy.types.UILayout, context: bpy.types.Context, message: str) -> None:
+    """Say that there is no engine, where to name one, and how to get one."""
     what, _, remedy = message.partition(": ")
-    layout.label(text=what, icon="ERROR")
+    draw_sentence(layout, context, what, icon="ERROR")
     if remedy:
-        layout.label(text=remedy)
+        draw_sentence(layout, context, remedy[:1].upper() + remedy[1:])
+    draw_sentence(layout, context, advice("NoEngine"), icon="INFO")
     layout.operator("preferences.addon_show", text="Preferences", icon="PREFERENCES").module = __package__
 
 

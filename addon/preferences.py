@@ -10,7 +10,7 @@ from bpy.props import FloatProperty, StringProperty
 
 from . import engine
 
-__all__ = ["CLASSES", "engine_python", "time_limit_s"]
+__all__ = ["CLASSES", "engine_python", "found", "time_limit_s"]
 
 
 class SachaPreferences(bpy.types.AddonPreferences):
@@ -55,6 +55,11 @@ def engine_python(context: bpy.types.Context) -> Path:
     """
     named = context.preferences.addons[__package__].preferences.engine_python
     return engine.find_python(bpy.path.abspath(named) if named else "")
+
+
+def found(context: bpy.types.Context) -> str:
+    """Give what the last check of the engine found; empty where none was made."""
+    return context.preferences.addons[__package__].preferences.found
 
 
 def time_limit_s(context: bpy.types.Context) -> float:

@@ -7,6 +7,7 @@ An operator that runs the engine has a method `work(context)` that gives its `Wo
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty
 
-from . import preferences
+from . import preferences, problem
 from .engine import EngineMissingError
 from .job import Job, Outcome, start_job
 from .leftovers import sweep
@@ -22,7 +23,7 @@ from .leftovers import sweep
 __all__ = ["CLASSES", "Work", "attach", "cancel", "end_now", "execute", "modal", "now", "wait_property"]
 
 TICK_S = 0.25  # how often a window looks at a running job
-NONSENSE = "The engine answered with what the add-on does not understand: do their versions belong together?"
+NONSENSE = "The engine answered with what the add-on does not understand"
 
 
 @dataclass(frozen=True)
@@ -34,12 +35,14 @@ class Work:
         command: gives program and arguments, given the job's folder.
         finish: takes over the results; gives the line that tells the user what was done. A ValueError is the user's to read.
         time_limit_s: how long it may take; None for what the preferences say.
+        failed: what to do instead of telling the user that it failed; gives the line that tells what was done.
     """
 
     title: str
     command: Callable[[Path], list[str]]
     finish: Callable[[Job], str]
     time_limit_s: float | None = None
+    failed: Callable[[Job], str] | None = None
 
 
 @dataclass(frozen=True)
@@ -74,15 +77,13 @@ def events_come() -> bool:
 def execute(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]:
     """Start an operator's work; see it through, or leave it to `modal`."""
     if _running:
-        operator.report({"ERROR"}, f"Still busy: {_running[0].work.title}")
-        return {"CANCELLED"}
+        return problem.tell(operator, f"Still busy: {_running[0].work.title}")
     try:
         work = operator.work(context)
         limit_s = preferences.time_limit_s(context) if work.time_limit_s is None else work.time_limit_s
         job = start_job(work.command, limit_s)
     except (EngineMissingError, OSError, ValueError) as error:
-        operator.report({"ERROR"}, str(error))
-        return {"CANCELLED"}
+        return problem.tell(operator, str(error), _kind(error, "NoEngine"))
     if operator.wait or not events_come():
         job.wait()
         return _conclude(operator, work, job)
@@ -127,20 +128,31 @@ def _forget(context: bpy.types.Context) -> None:
 def _conclude(operator: bpy.types.Operator, work: Work, job: Job) -> set[str]:
     """Take over what the engine left, or say why it left nothing."""
     try:
-        if job.poll() is not Outcome.FINISHED:
-            severity = "WARNING" if job.poll() is Outcome.CANCELLED else "ERROR"
-            operator.report({severity}, job.complaint())
+        if job.poll() is Outcome.CANCELLED:
+            operator.report({"WARNING"}, job.complaint())
             return {"CANCELLED"}
-        operator.report({"INFO"}, work.finish(job))
-    except (EngineMissingError, ValueError, OSError) as error:
-        operator.report({"ERROR"}, str(error))
-        return {"CANCELLED"}
-    except (LookupError, TypeError) as error:  # the worker left something, but not what it should
-        operator.report({"ERROR"}, f"{NONSENSE} ({type(error).__name__}: {error})")
-        return {"CANCELLED"}
+        if job.poll() is Outcome.FINISHED:
+            operator.report({"INFO"}, work.finish(job))
+            if work.failed is None:  # what failed before is solved, unless this only asked
+                problem.forget()
+        elif work.failed is not None:
+            operator.report({"INFO"}, work.failed(job))
+        else:
+            return problem.tell(operator, job.complaint(), job.kind, title=work.title, log=job.quoted())
+    except (EngineMissingError, ValueError) as error:
+        return problem.tell(operator, str(error), _kind(error), title=work.title, log=job.quoted())
+    except (OSError, LookupError, TypeError) as error:  # the worker left something, but not what it should
+        log = f"{job.quoted()}\n{traceback.format_exc()}"
+        message = f"{NONSENSE} ({type(error).__name__}: {error})"
+        return problem.tell(operator, message, "Unreadable", title=work.title, log=log)
     finally:
         job.remove()
     return {"FINISHED"}
+
+
+def _kind(error: Exception, of_the_system: str = "") -> str:
+    """Give the kind of an error: its own, the one given for errors of the operating system, or none where its words say what to do."""
+    return of_the_system if isinstance(error, OSError) else getattr(error, "kind", "")
 
 
 def _redraw(context: bpy.types.Context) -> None:

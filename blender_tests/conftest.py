@@ -61,6 +61,7 @@ def preferences(
     """The add-on's preferences with the engine named and all else untouched, in an empty scene, before any head was used."""
     monkeypatch.setenv("SACHA_HEADS", str(tmp_path_factory.mktemp("heads")))
     bpy.ops.wm.read_homefile(use_empty=True)
+    __import__(f"{installed}.problem", fromlist=["forget"]).forget()
     chosen = bpy.context.preferences.addons[installed].preferences
     chosen.engine_python = ENGINE
     chosen.property_unset("time_limit_s")

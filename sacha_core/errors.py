@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-__all__ = ["DatasetError", "FormatError", "GeometryError", "HeadError", "OptionError", "SachaError"]
+__all__ = [
+    "DatasetError",
+    "FormatError",
+    "GeometryError",
+    "HeadError",
+    "MissingHeadError",
+    "MissingMasksError",
+    "OptionError",
+    "SachaError",
+    "TopologyError",
+    "VersionError",
+]
 
 
 class SachaError(Exception):
@@ -23,12 +34,28 @@ class FormatError(SachaError):
         self.offset = offset
 
 
+class VersionError(FormatError):
+    """A file is of a version that this program does not read; the message says which it reads."""
+
+
 class GeometryError(SachaError):
     """A mesh or a transform is degenerate; the message names the first offender."""
 
 
 class HeadError(SachaError):
     """A head model is missing, of another topology, or not the one that an avatar is bound to."""
+
+
+class MissingHeadError(HeadError):
+    """A head model that is needed is nowhere to be found; the message says which, and where it was looked for."""
+
+
+class MissingMasksError(HeadError):
+    """A head brings no vertex masks, from which its regions are made."""
+
+
+class TopologyError(HeadError):
+    """A mesh, masks or a head have other triangles than what they are to be used with."""
 
 
 class DatasetError(SachaError):

@@ -100,4 +100,4 @@ def naming(path: Path) -> Iterator[None]:
     except FormatError as error:
         if str(path) in str(error):
             raise
-        raise FormatError(f"{path}: {error}") from error
+        raise type(error)(f"{path}: {error}") from error

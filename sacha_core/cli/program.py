@@ -20,6 +20,7 @@ from types import ModuleType
 from typing import Any
 
 from sacha_core import __version__
+from sacha_core.cli import protocol
 from sacha_core.cli.commands import COMMANDS
 from sacha_core.errors import OptionError, SachaError
 
@@ -61,7 +62,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:
         signal.signal(signal.SIGTERM, _terminate)
     name = arguments[0] if arguments and arguments[0] in COMMANDS else None
+    watched = protocol.wanted(arguments)
     try:
+        if watched:
+            protocol.say_hello()
         if name is None:
             return _front_page(arguments)
         return _run(name, arguments[1:])
@@ -76,6 +80,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         line = one_line(error)
         if line is None:
             raise
+        if watched:
+            protocol.say_error(error, line)
         sys.stderr.write(f"sacha {name or ''}".rstrip() + f": {line}\n")
         return EXIT_INTERRUPTED if isinstance(error, KeyboardInterrupt) else EXIT_BAD_INPUT
 

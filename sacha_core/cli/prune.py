@@ -12,7 +12,7 @@ import tyro
 from sacha_core.cli.common import Common, FileOption, HeadSource, MaybeFloat, MaybeInt
 from sacha_core.cli.console import Console, table
 from sacha_core.cli.score import beside
-from sacha_core.errors import HeadError, OptionError
+from sacha_core.errors import OptionError, TopologyError
 
 if TYPE_CHECKING:
     from sacha_core.avatar.gaussians import Gaussians
@@ -98,7 +98,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     budget = budget_of(options, len(scores.score), scheme)
     opened = open_avatar(options.avatar, options.head, options.motion)
     if opened.head.n_faces != scores.n_faces:
-        raise HeadError(
+        raise TopologyError(
             f"{path} is of a head of {scores.n_faces} triangles, but {options.avatar} is bound to {opened.head.name!r} of "
             f"{opened.head.n_faces}"
         )

@@ -13,7 +13,7 @@ from sacha_core.avatar.motion import Motion
 from sacha_core.cli.common import HeadSource, naming
 from sacha_core.cli.program import one_line
 from sacha_core.codec import decode, embedded_head, inspect
-from sacha_core.errors import FormatError, HeadError, SachaError
+from sacha_core.errors import FormatError, HeadError, MissingHeadError, SachaError
 from sacha_core.flame.model import HeadModel, HeadReference
 from sacha_core.flame.open import attach_masks, open_head
 from sacha_core.flame.posing import Poser
@@ -156,7 +156,7 @@ def _named(source: HeadSource, otherwise: str) -> HeadModel:
     """Give the head that the user names, where only the user can know it."""
     head = named_head(source)
     if head is None:
-        raise HeadError(f"{otherwise}: name it with --head HEAD")
+        raise MissingHeadError(f"{otherwise}: name it with --head HEAD")
     keep(head)
     return head
 

@@ -13,7 +13,7 @@ import zlib
 from dataclasses import dataclass
 
 from sacha_core.codec.reading import ByteReader
-from sacha_core.errors import FormatError
+from sacha_core.errors import FormatError, VersionError
 
 __all__ = ["MAGIC", "MAJOR", "MINOR", "Section", "pack_sections", "parse_sections"]
 
@@ -77,7 +77,7 @@ def parse_sections(data: bytes) -> tuple[tuple[int, int], dict[str, Section]]:
     _, major, minor, n_sections, n_bytes, checksum = reader.unpack(PREFIX)
     if major != MAJOR:
         age = "newer" if major > MAJOR else "older"
-        raise FormatError(f"the file is of version {major}.{minor}, {age} than this decoder, which reads {MAJOR}.x", 8)
+        raise VersionError(f"the file is of version {major}.{minor}, {age} than this decoder, which reads {MAJOR}.x", 8)
     if n_bytes != len(data):
         raise FormatError(f"the file has {len(data)} bytes, its prefix says {n_bytes}", 16)
     if n_sections > MAX_SECTIONS:

@@ -32,7 +32,7 @@ from sacha_core.codec.sections import need, sections_of
 from sacha_core.codec.static import decode_static
 from sacha_core.codec.template import Template, template_of, unknown_template
 from sacha_core.codec.whole_motion import WholeMotion
-from sacha_core.errors import HeadError
+from sacha_core.errors import HeadError, TopologyError
 from sacha_core.flame.model import HeadModel, HeadReference
 
 __all__ = [
@@ -146,7 +146,7 @@ def find_template(sections: dict[str, Section], header: Header, head: HeadModel 
 
         head = find_head(header.head, None, None)
     if head.reference.sha256 != header.head.sha256 or head.n_faces != header.head.n_faces:
-        raise HeadError(
+        raise TopologyError(
             f"the file is bound to head {header.head.name!r} (SHA-256 {header.head.sha256[:12]}...),"
             f" but {head.name!r} ({head.reference.sha256[:12]}...) was given"
         )

@@ -33,7 +33,7 @@ from sacha_core.codec.rotation import encode_rotation, sort_axes
 from sacha_core.codec.scale import classes_of, encode_scale, known_classes
 from sacha_core.codec.static import encode_static
 from sacha_core.codec.template import Template, template_of, unknown_template
-from sacha_core.errors import FormatError, HeadError, OptionError
+from sacha_core.errors import FormatError, MissingHeadError, OptionError, TopologyError
 from sacha_core.flame.model import HeadModel
 
 __all__ = ["GROUP_FRAMES", "encode", "encode_traced", "price_of_a_bit"]
@@ -129,13 +129,13 @@ def encode_traced(
 def check_head(avatar: Avatar, head: HeadModel | None, embed_head: bool) -> None:
     """Check that `head` is the avatar's, and there where it is to be embedded."""
     if embed_head and head is None:
-        raise HeadError(f"to embed the head {avatar.head.name!r} it has to be given")
+        raise MissingHeadError(f"to embed the head {avatar.head.name!r} it has to be given")
     if head is not None and replace(head.reference, name=avatar.head.name) != avatar.head:
         named = [
             f"{reference.name!r} ({reference.n_faces} triangles, SHA-256 {reference.sha256[:12]}...)"
             for reference in (avatar.head, head.reference)
         ]
-        raise HeadError(f"the avatar is bound to head {named[0]}, another one, {named[1]}, was given")
+        raise TopologyError(f"the avatar is bound to head {named[0]}, another one, {named[1]}, was given")
 
 
 def visible(opacity_logit: Float[np.ndarray, " n"], n_steps: int) -> Bool[np.ndarray, " n"]:

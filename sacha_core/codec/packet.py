@@ -9,7 +9,7 @@ import struct
 import zlib
 from dataclasses import dataclass
 
-from sacha_core.errors import FormatError
+from sacha_core.errors import FormatError, VersionError
 
 __all__ = ["AVATAR", "GROUP", "Packet"]
 
@@ -56,7 +56,7 @@ class Packet:
         if zlib.crc32(memoryview(data)[4:]) != checksum:
             raise FormatError("the checksum of a packet is wrong: it is damaged or cut", 0)
         if version != VERSION:
-            raise FormatError(f"a packet of version {version}; this decoder reads {VERSION}", 4)
+            raise VersionError(f"a packet of version {version}; this decoder reads {VERSION}", 4)
         if n_bytes != len(data) - HEAD_BYTES:
             raise FormatError(f"a packet claims {n_bytes} bytes, it has {len(data) - HEAD_BYTES}", HEAD_BYTES - 4)
         if kind not in (AVATAR, GROUP) or (kind == AVATAR) != (number == 0) or n_frames == 0:

@@ -7,7 +7,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-from sacha_core.errors import FormatError, GeometryError, HeadError, SachaError
+from sacha_core.errors import FormatError, GeometryError, HeadError, MissingHeadError, SachaError, TopologyError
 from sacha_core.flame.head_file import head_from_arrays, is_head_archive
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.pickles import flame_from_arrays, is_flame_archive, read_flame_pickle, read_masks
@@ -66,7 +66,7 @@ def attach_masks(head: HeadModel, path: str | os.PathLike[str]) -> HeadModel:
     """
     masks = read_masks(path)
     if not is_flame(head):
-        raise HeadError(
+        raise TopologyError(
             f"{path}: FLAME's masks fit heads of FLAME's topology; {head.name!r} has {head.n_vertices} vertices, {head.n_faces} triangles"
         )
     for name, mask in masks.items():
@@ -77,7 +77,7 @@ def attach_masks(head: HeadModel, path: str | os.PathLike[str]) -> HeadModel:
 
 def _open_file(path: Path, *, teeth: bool) -> HeadModel:
     if not path.is_file():
-        raise HeadError(
+        raise MissingHeadError(
             f"no head {str(path)!r}: give a head model or rig (.npz), a FLAME pickle, or 'synthetic' (also 'synthetic:small')"
         )
     with path.open("rb") as stream:

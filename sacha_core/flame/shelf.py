@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from sacha_core.errors import HeadError
+from sacha_core.errors import HeadError, MissingHeadError, TopologyError
 from sacha_core.flame.head_file import load_head, save_head
 from sacha_core.flame.model import HeadModel, HeadReference
 from sacha_core.flame.open import open_head, open_synthetic
@@ -81,7 +81,7 @@ def find_head(
     made = open_synthetic(reference.name)
     if made is not None:
         return _same(reference, made, f"the head that {reference.name!r} names here")
-    raise HeadError(
+    raise MissingHeadError(
         f"head {reference.name!r} ({reference.n_vertices} vertices, {reference.n_faces} triangles, SHA-256 {reference.sha256[:12]}...)"
         f" is neither in the file nor in {shelf_folder()}; name it with --head FILE"
     )
@@ -90,7 +90,7 @@ def find_head(
 def _same(reference: HeadReference, head: HeadModel, where: str) -> HeadModel:
     if head.reference.sha256 == reference.sha256:
         return head
-    raise HeadError(
+    raise TopologyError(
         f"{where} is not the head that the avatar is bound to: found {head.name!r}, {head.n_vertices} vertices, {head.n_faces} triangles,"
         f" SHA-256 {head.reference.sha256[:12]}..., expected {reference.name!r}, {reference.n_vertices}, {reference.n_faces},"
         f" {reference.sha256[:12]}..."

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int, UInt8
 
-from sacha_core.errors import HeadError
+from sacha_core.errors import HeadError, MissingMasksError
 from sacha_core.flame.model import HeadModel
 from sacha_core.regions.scheme import PAPER, RegionScheme
 
@@ -68,7 +68,7 @@ def _vertex_ranks(head: HeadModel, scheme: RegionScheme) -> Int[np.ndarray, " v"
     """Place in the priority of each vertex's region; one past the last where no mask covers it."""
     missing = sorted({name for names in scheme.masks.values() for name in names} - head.masks.keys())
     if missing:
-        raise HeadError(
+        raise MissingMasksError(
             f"head {head.name!r} has no vertex mask {', '.join(missing)}; region scheme {scheme.name!r} is made from them: give FLAME's"
             " official masks (--masks FLAME_masks.pkl or .npz) with a head of FLAME's topology"
         )

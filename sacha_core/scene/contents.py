@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.avatar.avatar import Avatar
-from sacha_core.errors import HeadError
+from sacha_core.errors import HeadError, TopologyError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import person_template
 from sacha_core.interchange.head_mesh import HeadMesh
@@ -79,7 +79,7 @@ def scene_of_mesh(name: str, mesh: HeadMesh, head: HeadModel | None) -> Scene:
     if n_faces not in {head.n_faces, head.n_faces - head.n_teeth_faces} or not np.array_equal(
         mesh.faces, head.faces[:n_faces]
     ):
-        raise HeadError(
+        raise TopologyError(
             f"mesh {name!r} with {n_faces} triangles does not have those of head {head.name!r} with {head.n_faces}, in its order"
         )
     views, notes = _region_view(head)

@@ -319,7 +319,7 @@ def test_evaluate_judges_both_splits(done, capture: Path, sacha_file: Path, mode
 
 def test_progress_of_a_command_is_json_alone(done, capture: Path, model: Path) -> None:
     outcome = done("evaluate", model, capture, "--progress", "json", "--width", 32, "--height", 47)
-    lines = [json.loads(line) for line in outcome.out.splitlines()]
+    _hello, *lines = [json.loads(line) for line in outcome.out.splitlines()]
     ends = [(one["stage"], one["done"], one["total"]) for one in lines if one["done"] == one["total"]]
     assert ends == [("novel view", 3, 3), ("novel expression", 8, 8)]
     assert outcome.report["novel_view"]["images"]

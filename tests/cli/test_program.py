@@ -21,6 +21,7 @@ from sacha_core import __version__
 from sacha_core.cli import main, program
 from sacha_core.cli.commands import COMMANDS, Command
 from sacha_core.cli.common import Common
+from sacha_core.cli.protocol import SPEAKS
 from sacha_core.errors import DatasetError, FormatError
 from sacha_core.progress import Progress
 
@@ -209,7 +210,8 @@ def test_json_progress_leaves_stdout_to_objects(fake: Fake, capsys: pytest.Captu
 
     fake(work)
     assert main(["fake", "--progress", "json"]) == 0
-    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    hello, *lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert hello == {"engine": __version__, "speaks": list(SPEAKS)}
     assert lines[0] == {
         "stage": "count",
         "done": 1,
