@@ -117,7 +117,7 @@ def region_factors(weights: Sequence[str] | None, avatar: Avatar, head: HeadMode
     """
     import numpy as np
 
-    from sacha_core.cli.prune import parsed_weights
+    from sacha_core.cli.steering import parsed_weights
     from sacha_core.regions.labels import label_triangles
     from sacha_core.regions.scheme import find_scheme
 

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource, MaybeFloat, MaybeInt
-from sacha_core.cli.console import Console, table
-from sacha_core.cli.score import beside
-from sacha_core.errors import OptionError, TopologyError
+from sacha_core.cli.common import Common, FileOption, HeadSource, MaybeFloat, MaybeInt, MaybePath, MaybeText
+from sacha_core.cli.console import Console, kilobytes
+from sacha_core.cli.prune_scores import stored_scores
+from sacha_core.errors import OptionError
 
 if TYPE_CHECKING:
-    from sacha_core.avatar.gaussians import Gaussians
-    from sacha_core.cli.sources import Opened
-    from sacha_core.density.rebudget import Budget, Rebudget
-    from sacha_core.density.scores_file import Scores
-    from sacha_core.regions.scheme import RegionScheme
+    from sacha_core.cli.pruned import Written
 
-__all__ = ["INPUTS", "Options", "run"]
+__all__ = ["INPUTS", "Options", "run", "stored_scores"]
 
-INPUTS = ("avatar", "motion", "scores")
+INPUTS = ("avatar", "motion", "scheme", "importance", "dataset", "before")
 
-ITERATION = 1  # a folder of a model names its iterations; a PLY has had none that are known
+MaybeLevel = Union[None, Literal[1, 2, 3, 4, "archive"]]  # noqa: UP007 (tyro understands it by itself)
 
 
 @dataclass(frozen=True)
@@ -33,22 +28,32 @@ class Options:
     """Cut an avatar down to a budget by its scores, sparing the regions that matter.
 
     Takes the Gaussians from the scores file: of a trained model, those that it had before its last pruning, untrained since; `sacha score
-    MODEL --dataset DATASET` scores the finished ones. One ranking decides over all Gaussians; what no view shows goes first.
+    MODEL --dataset DATASET` scores the finished ones. One ranking decides over all Gaussians; what no view shows goes first. A .sacha file
+    holds exactly those that stay, coded by what they are worth to pictures.
 
     sacha prune a.ply --head rig.npz --masks FLAME_masks.npz --keep 0.6 --weights mouth=2 eyes=1.5 -o smaller.ply
+
+    sacha prune a.sacha --make-scores --target-size 60KB --weights mouth=2 --lock eyes --shares neck=0:0.05 -o smaller.sacha
     """
 
     avatar: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="AVATAR")]
     """What was scored: a .sacha file, a model folder, or a PLY of bound Gaussians (with --head)."""
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="OUT")]
-    """A PLY of bound Gaussians where the name ends in .ply, else a model folder in the layout of GaussianAvatars."""
+    """By its ending: a compressed .sacha file, a .ply of bound Gaussians, else a model folder in the layout of GaussianAvatars."""
 
     scores: Annotated[FileOption, tyro.conf.arg(help_behavior_hint="(default: AVATAR.scores.npz beside it)")] = None
     """What `sacha score` wrote; of a model folder that was never scored, what training left in it."""
 
+    make_scores: bool = False
+    """Where there are none, or they are of other Gaussians than the avatar has, measure them first as `sacha score` does, and keep them."""
+
+    views: Annotated[int, tyro.conf.arg(metavar="N")] = 120
+    """About how many views scores are made from."""
+
     keep: Annotated[
-        MaybeFloat, tyro.conf.arg(metavar="SHARE", help_behavior_hint="(this, --ratio or --target-count)")
+        MaybeFloat,
+        tyro.conf.arg(metavar="SHARE", help_behavior_hint="(this, --ratio, --target-count or --target-size)"),
     ] = None
     """How much stays: 0.6 keeps six Gaussians of ten."""
 
@@ -61,6 +66,21 @@ class Options:
     weights: Annotated[tuple[str, ...], tyro.conf.arg(metavar="REGION=FACTOR...", help_behavior_hint="")] = ()
     """How much more regions are worth than measured: mouth=2 counts each of the mouth's scores twice."""
 
+    shares: Annotated[tuple[str, ...], tyro.conf.arg(metavar="REGION=LOWEST:HIGHEST...", help_behavior_hint="")] = ()
+    """Least and most that regions have of what stays: mouth=0.1:0.3, neck=:0.05."""
+
+    lock: Annotated[tuple[str, ...], tyro.conf.arg(metavar="REGION[=COUNT]...", help_behavior_hint="")] = ()
+    """Regions that keep all their Gaussians, or so many of them, whatever the budget."""
+
+    importance: FileOption = None
+    """Array (.npy) of how many times as much triangles are worth: a number for each, or for each vertex, or linear colours of these."""
+
+    importance_strength: Annotated[MaybeFloat, tyro.conf.arg(metavar="FACTOR", help_behavior_hint="")] = None
+    """Take the array as painted from 0, which counts once, to 1, which counts so many times."""
+
+    scheme: FileOption = None
+    """Regions of one's own (.scheme.npz) instead of the avatar's."""
+
     scope: Literal["weighted", "regions", "all"] = "weighted"
     """weighted: one ranking, by score over the region's modulator; regions: each region loses its own share, as in the paper, so that
     the total is near the budget only; all: one ranking by score alone."""
@@ -71,8 +91,31 @@ class Options:
     power: float = 1.0
     """That measured modulators are raised to: 0 lets regions count for nothing but their weights, 2 lets them count more."""
 
+    level: Annotated[MaybeLevel, tyro.conf.arg(help_behavior_hint="(default: 2)")] = None
+    """Of a .sacha file: 1 is the smallest, 4 the best; `archive` keeps every bit."""
+
+    target_size: Annotated[MaybeText, tyro.conf.arg(metavar="SIZE", help_behavior_hint="(instead of --level)")] = None
+    """The best .sacha file of at most this size, motion and all: 60KB. Without another budget, as many stay as are worth their bits."""
+
+    embed_head: bool = False
+    """Put the head into the .sacha file too."""
+
     motion: FileOption = None
     """Motion (.npz) to put beside the smaller avatar instead of the avatar's own."""
+
+    measure: bool = False
+    """Measure, region by region, how near the result's pictures come to the avatar's own, or to the held-out ones of --dataset."""
+
+    dataset: Annotated[MaybePath, tyro.conf.arg(metavar="DATASET", help_behavior_hint="")] = None
+    """The capture that it was trained on, whose views to score it by and to measure it against."""
+
+    before: Annotated[MaybePath, tyro.conf.arg(metavar="AVATAR", help_behavior_hint="(default: the avatar itself)")] = (
+        None
+    )
+    """An earlier result to set beside this one."""
+
+    scene: Annotated[MaybePath, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
+    """Also lay out the result as arrays, as the Blender add-on shows them."""
 
     head: HeadSource = field(default_factory=HeadSource)
     common: Common = field(default_factory=Common)
@@ -85,130 +128,70 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         SachaError: avatar, head, scores or budget make no sense, or do not belong together.
         OSError: a file cannot be read or written.
     """
+    from sacha_core.cli.prune_report import judge, region_table, report
+    from sacha_core.cli.prune_scores import scores_of
+    from sacha_core.cli.pruned import write_pruned
     from sacha_core.cli.sources import open_avatar
-    from sacha_core.density.rebudget import rebudget
-    from sacha_core.density.scores_file import read_scores
-    from sacha_core.regions.labels import label_triangles
-    from sacha_core.regions.scheme import find_scheme
+    from sacha_core.cli.steering import budget_of, partition_of
 
-    require_one_budget(options)
-    path = options.scores or stored_scores(options.avatar)
-    scores = read_scores(path)
-    scheme = find_scheme(scores.scheme)
-    budget = budget_of(options, len(scores.score), scheme)
+    require_consistent(options)
     opened = open_avatar(options.avatar, options.head, options.motion)
-    if opened.head.n_faces != scores.n_faces:
-        raise TopologyError(
-            f"{path} is of a head of {scores.n_faces} triangles, but {options.avatar} is bound to {opened.head.name!r} of "
-            f"{opened.head.n_faces}"
-        )
-    found = rebudget(scores, label_triangles(opened.head, scheme), len(scheme.regions), budget)
-    kept = scores.gaussians.select(found.rows)
-    if (
-        opened.avatar.gaussians.sensitivity_logit is None
-    ):  # the scores hold estimates, which nobody shall take for learned
-        kept = replace(kept, sensitivity_logit=None)
-    write(options, opened, kept)
-    console.wrote("avatar", options.output, f"{len(kept):,} of {len(scores.score):,} Gaussians")
-    console.say(f"\n{region_table(found, scheme)}")
-    console.hint(f"sacha encode {encode_arguments(options)}")
-    return report(found, scheme, scores, path, options)
+    before = opened if options.before is None else open_avatar(options.before, options.head)
+    path, scores = scores_of(options, opened, console)
+    partition = partition_of(opened.head, options.scheme, scores.scheme)
+    budget = budget_of(options, len(scores.score), partition, opened.head)
+    written = write_pruned(options, opened, scores, partition, budget, console)
+    judged = judge(options, opened, before, written, partition, console)
+    n_kept, n_scored = len(written.found.rows), len(scores.score)
+    console.wrote("avatar", options.output, f"{n_kept:,} of {n_scored:,} Gaussians{size_of(written)}")
+    console.say(f"\n{region_table(judged)}")
+    if options.output.suffix.lower() != ".sacha":
+        console.hint(f"sacha encode {encode_arguments(options)}")
+    if options.scene is not None:
+        lay_out(options)
+    return report(options, written, scores, path, partition, judged)
 
 
-def require_one_budget(options: Options) -> None:
-    """Check that the budget is given once, and that the output is not the avatar itself.
+def require_consistent(options: Options) -> None:
+    """Check that the budget is given once, that the output is another file, and that nothing is said that the output cannot have.
 
     Raises:
-        OptionError: it is not, or given twice.
+        OptionError: naming what contradicts what.
     """
     given = [name for name in ("keep", "ratio", "target_count") if getattr(options, name) is not None]
-    if len(given) != 1:
+    if len(given) > 1 or not (given or options.target_size):
         named = " and ".join(f"--{name.replace('_', '-')}" for name in given) or "none"
-        raise OptionError(f"expected one of --keep, --ratio and --target-count, got {named}")
-    if options.output.exists() and options.output.samefile(options.avatar):
-        raise OptionError(f"-o {options.output} is the avatar itself; expected another place")
+        raise OptionError(f"expected one of --keep, --ratio and --target-count, or --target-size, got {named}")
+    for path in (options.avatar, options.before):
+        if path is not None and options.output.exists() and options.output.samefile(path):
+            raise OptionError(f"-o {options.output} is the avatar itself; expected another place")
+    if options.output.suffix.lower() != ".sacha":
+        for name in ("level", "target_size", "embed_head"):
+            if getattr(options, name):
+                raise OptionError(f"--{name.replace('_', '-')} is of .sacha files, and -o {options.output} is none")
+    if options.target_size is not None and options.level is not None:
+        raise OptionError("--level says how good the file is, and so does --target-size; expected one of them")
+    if options.dataset is not None and not (options.measure or options.make_scores):
+        raise OptionError("--dataset is for --measure and --make-scores; expected one of these with it")
+    if options.views < 1:
+        raise OptionError(f"--views is {options.views}, expected at least 1")
 
 
-def stored_scores(avatar: Path) -> Path:
-    """Find the scores of an avatar: what `sacha score` wrote, else what training left in a model folder.
+def lay_out(options: Options) -> None:
+    """Write the result as a scene."""
+    from sacha_core.cli.scene import open_scene
+    from sacha_core.scene.folder import write_scene
 
-    Raises:
-        OptionError: there are none; the message says how to make them.
-    """
-    measured, trained = beside(avatar), avatar / "avatar.scores.npz"
-    for path in (measured, trained):
-        if path.is_file():
-            return path
-    raise OptionError(
-        f"{measured} does not exist; make it with: sacha score {avatar} -o {measured}, or name one with --scores"
-    )
+    assert options.scene is not None
+    write_scene(open_scene(options.output, options.head), options.scene)
 
 
-def budget_of(options: Options, n: int, scheme: RegionScheme) -> Budget:
-    """Give the budget that was asked for.
-
-    Raises:
-        OptionError: a number is out of range, or a weight is none.
-    """
-    from sacha_core.density.rebudget import Budget
-
-    weights = parsed_weights(options.weights, scheme)
-    if options.ratio is not None and not 0 <= options.ratio < 1:
-        raise OptionError(f"--ratio is {options.ratio:g}, expected 0 or more and below 1")
-    if options.keep is not None and not 0 < options.keep <= 1:
-        raise OptionError(f"--keep is {options.keep:g}, expected above 0 and at most 1")
-    if options.target_count is not None and not 1 <= options.target_count <= n:
-        raise OptionError(f"--target-count is {options.target_count}, expected 1 to {n}, which the scores file holds")
-    keep = options.keep
-    if options.ratio is not None:
-        keep = 1 - options.ratio
-    if options.target_count is not None:
-        keep = options.target_count / n
-    assert keep is not None
-    return Budget(keep, weights, *options.bounds, scope=options.scope, power=options.power)
-
-
-def parsed_weights(texts: Sequence[str], scheme: RegionScheme) -> dict[int, float]:
-    """Give the weights by region label.
-
-    Raises:
-        OptionError: naming the first that is not REGION=FACTOR.
-    """
-    weights: dict[int, float] = {}
-    for text in texts:
-        name, _, number = text.partition("=")
-        try:
-            factor = float(number)
-        except ValueError:
-            factor = -1.0
-        if not 0 < factor < float("inf"):
-            raise OptionError(f"--weights {text}: expected REGION=FACTOR with a factor above 0, such as mouth=2")
-        label = scheme.label(name)
-        if label in weights:
-            raise OptionError(f"--weights gives {name} twice")
-        weights[label] = factor
-    return weights
-
-
-def write(options: Options, opened: Opened, kept: Gaussians) -> None:
-    """Write the smaller avatar.
-
-    Raises:
-        OptionError: the folder holds another model.
-        OSError: a file cannot be written.
-    """
-    from sacha_core.interchange.capture import write_head_reference
-    from sacha_core.interchange.gaussian_avatars import model_iterations, write_model
-    from sacha_core.interchange.splat_ply import write_bound_ply
-
-    if options.output.suffix.lower() == ".ply":
-        write_bound_ply(options.output, kept)
-        return
-    iteration = max(model_iterations(options.avatar), default=ITERATION) if options.avatar.is_dir() else ITERATION
-    if others := sorted(model_iterations(options.output).keys() - {iteration}):
-        raise OptionError(f"{options.output} holds another model, of {others[-1]} iterations; expected a new folder")
-    write_head_reference(options.output, opened.avatar.head)
-    write_model(options.output, iteration, kept, opened.avatar.motion)
+def size_of(written: Written) -> str:
+    """Say how large the file is and how good."""
+    if written.quality is None:
+        return ""
+    assert written.n_bytes is not None
+    return f", level {written.quality:g}, {kilobytes(written.n_bytes)}"
 
 
 def encode_arguments(options: Options) -> str:
@@ -218,34 +201,3 @@ def encode_arguments(options: Options) -> str:
         return f"{options.output} -o {target}"
     motion = "" if options.motion is None else f" --motion {options.motion}"
     return f"--ply {options.output} --head {options.head.head or 'HEAD'}{motion} -o {target}"
-
-
-def region_table(found: Rebudget, scheme: RegionScheme) -> str:
-    """Set what each region kept as a table."""
-    rows = [
-        (row["region"], f"{row['before']:,}", f"{row['after']:,}", f"{row['kept']:.1%}", f"{row['modulator']:.3f}")
-        for row in regions(found, scheme)
-    ]
-    return table(("region", "before", "after", "kept", "m_R / weight"), rows)
-
-
-def regions(found: Rebudget, scheme: RegionScheme) -> list[Mapping[str, Any]]:
-    """Give what each region kept."""
-    counts = zip(scheme.regions, found.pruning.before, found.pruning.after, found.modulator.tolist(), strict=True)
-    return [
-        {"region": name, "before": before, "after": after, "kept": after / max(before, 1), "modulator": modulator}
-        for name, before, after, modulator in counts
-    ]
-
-
-def report(found: Rebudget, scheme: RegionScheme, scores: Scores, path: Path, options: Options) -> dict[str, Any]:
-    """Give the report for machines."""
-    return {
-        "avatar": options.avatar,
-        "scores": path,
-        "output": options.output,
-        "n_before": len(scores.score),
-        "n_gaussians": len(found.rows),
-        "scope": options.scope,
-        "regions": regions(found, scheme),
-    }

@@ -2,65 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import Literal
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Integer
 
 from sacha_core.avatar.binding import sigmoid
+from sacha_core.density.budget import Budget
 from sacha_core.density.events import Calibration, Pruning
+from sacha_core.density.limits import best_within, limits_of, require_possible
 from sacha_core.density.modulators import modulators
 from sacha_core.density.region_means import region_means
 from sacha_core.density.scores_file import Scores
 from sacha_core.density.selection import Selection, lowest_of_all, lowest_of_each_region, quota
 from sacha_core.errors import FormatError, OptionError
+from sacha_core.regions.partition import Partition
 
-__all__ = ["Budget", "Rebudget", "rebudget"]
+__all__ = ["Rebudget", "rebudget"]
 
-
-@dataclass(frozen=True)
-class Budget:
-    """What an avatar shall be cut down to.
-
-    Args:
-        keep: share of the Gaussians that stays, above 0 and at most 1.
-        weights: by the label of a region, how much more it is worth than measured; 1 where none is given. A weight of 2 acts as half the
-            modulator: each score of the region counts twice, or the region loses half its share.
-        lowest_modulator: of any region, before weights. The bounds keep a measurement from starving or feeding a region beyond reason; an
-            artist's weight is not bounded by them.
-        highest_modulator: likewise.
-        scope: `weighted` ranks all Gaussians together, by score over the modulator of the region; `regions` takes from each region its
-            own share, the common one times the modulator; `all` ranks by score alone, so that modulators count for nothing and weights do.
-        power: that bounded modulators are raised to, before weights.
-        visible_pixels: blending weight, in pixels a view, up to which a Gaussian counts as hidden: those go first, lowest scores before
-            others, wherever they are, and shares of regions are of what remains. Where a file does not say what views showed, those
-            of score 0.
-    """
-
-    keep: float
-    weights: Mapping[int, float] = field(default_factory=lambda: MappingProxyType({}))
-    lowest_modulator: float = 0.5
-    highest_modulator: float = 2.0
-    scope: Literal["weighted", "regions", "all"] = "weighted"
-    power: float = 1.0
-    visible_pixels: float = 1 / 12
-
-    def __post_init__(self) -> None:
-        """Refuse numbers that make no sense."""
-        if not 0 < self.keep <= 1:
-            raise OptionError(f"keep is {self.keep:g}, expected above 0 and at most 1")
-        if not 0 < self.lowest_modulator <= self.highest_modulator < np.inf:
-            raise OptionError(
-                f"modulators are bounded by {self.lowest_modulator:g} and {self.highest_modulator:g}, expected 0 < lowest <= highest"
-            )
-        if not 0 <= self.power < np.inf:
-            raise OptionError(f"power is {self.power:g}, expected 0 or more")
-        for label, weight in self.weights.items():
-            if not 0 < weight < np.inf:
-                raise OptionError(f"the weight of region {label} is {weight:g}, expected above 0")
+LEAST_IMPORTANCE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -78,28 +38,78 @@ class Rebudget:
     pruning: Pruning
 
 
-def rebudget(scores: Scores, labels: Integer[np.ndarray, " f"], n_regions: int, budget: Budget) -> Rebudget:
+def rebudget(scores: Scores, partition: Partition, budget: Budget) -> Rebudget:
     """Choose the Gaussians that a smaller avatar keeps: the same pruning as in training, at another ratio, with an artist's say.
 
     What no view shows goes first. Ties go by index, the lower first.
 
     Args:
         scores: of every Gaussian.
-        labels: (f,) region of each triangle of the head.
-        n_regions: of the scheme.
+        partition: the head's regions. Where they are others than training had, the sensitivities of their own Gaussians say what they need.
         budget: what is wanted.
 
     Raises:
-        OptionError: a weight names no region, or nothing would be left.
+        OptionError: something is said of no region, shares and locks leave no way to the budget, or nothing would be left.
         FormatError: the events are of another scheme.
 
-    Source: SACHA, region-adaptive pruning; weights and the common ranking are our own.
+    Source: SACHA, region-adaptive pruning; weights, shares, locks, painted importance and the common ranking are our own.
     """
-    if stray := sorted(label for label in budget.weights if not 0 <= label < n_regions):
-        raise OptionError(f"a weight is for region {stray[0]}, expected 0 to {n_regions - 1}")
-    regions = labels[scores.gaussians.binding]
-    modulator = _modulator(scores, regions, n_regions, budget)
+    n_regions = len(partition.regions)
+    require_regions(budget, partition)
+    regions = partition.labels[scores.gaussians.binding]
+    modulator = _modulator(scores, regions, partition, budget)
     hidden = _hidden(scores, budget)
+    if budget.shares or budget.locks:
+        remove, requested = _within_limits(scores, regions, modulator, hidden, partition, budget)
+    else:
+        remove, requested = _by_quota(scores, regions, modulator, hidden, budget)
+    rows = np.flatnonzero(~remove)
+    if not len(rows):
+        raise OptionError(f"keep {budget.keep:g} of {len(hidden)} Gaussians leaves none, expected more")
+    before, after = (np.bincount(regions[of], minlength=n_regions) for of in (slice(None), rows))
+    counts = (tuple(of.tolist()) for of in (before, requested, before - after, after))
+    return Rebudget(rows, modulator, Pruning(_iteration(scores), "stored", "off", *counts))
+
+
+def require_regions(budget: Budget, partition: Partition) -> None:
+    """Check that a budget speaks of regions and triangles that there are.
+
+    Raises:
+        OptionError: it does not.
+    """
+    n_regions = len(partition.regions)
+    for what, told in (("a weight", budget.weights), ("a share", budget.shares), ("a lock", budget.locks)):
+        if stray := sorted(label for label in told if not 0 <= label < n_regions):
+            raise OptionError(f"{what} is for region {stray[0]}, expected 0 to {n_regions - 1}")
+    if budget.importance is not None and len(budget.importance) != len(partition.labels):
+        raise OptionError(
+            f"importance is given for {len(budget.importance)} triangles, but the head has {len(partition.labels)}"
+        )
+
+
+def worth(
+    scores: Scores, regions: Integer[np.ndarray, " n"], modulator: Float[np.ndarray, " r"], budget: Budget
+) -> Float[np.ndarray, " n"]:
+    """Give what the common ranking goes by: the score, times what is painted, over the modulator of the region."""
+    return np.asarray(painted(scores, budget) / modulator[regions])
+
+
+def painted(scores: Scores, budget: Budget) -> Float[np.ndarray, " n"]:
+    """Give scores times the importance of their triangles; what is painted 0 goes before all else that shows, in its own order."""
+    if budget.importance is None:
+        return scores.score
+    factors = np.maximum(budget.importance, LEAST_IMPORTANCE)
+    return np.asarray(scores.score * factors[scores.gaussians.binding])
+
+
+def _by_quota(
+    scores: Scores,
+    regions: Integer[np.ndarray, " n"],
+    modulator: Float[np.ndarray, " r"],
+    hidden: Bool[np.ndarray, " n"],
+    budget: Budget,
+) -> tuple[Bool[np.ndarray, " n"], Int[np.ndarray, " r"]]:
+    """Mark what goes: the hidden, then a share of the others; and give what was asked of each region."""
     wanted = (1 - budget.keep) * len(hidden)  # removals
     among, shown = np.flatnonzero(hidden), np.flatnonzero(~hidden)
     first = among[np.argsort(scores.score[among], kind="stable")[: quota(len(hidden), 1 - budget.keep)]]
@@ -107,12 +117,26 @@ def rebudget(scores: Scores, labels: Integer[np.ndarray, " f"], n_regions: int, 
     chosen = _lowest(scores, regions, modulator, shown, ratio, budget)
     remove = np.zeros(len(hidden), bool)
     remove[first] = remove[shown[chosen.remove]] = True
-    rows = np.flatnonzero(~remove)
-    if not len(rows):
-        raise OptionError(f"keep {budget.keep:g} of {len(hidden)} Gaussians leaves none, expected more")
-    before, after, early = (np.bincount(regions[of], minlength=n_regions) for of in (slice(None), rows, first))
-    counts = (tuple(of.tolist()) for of in (before, early + chosen.requested, before - after, after))
-    return Rebudget(rows, modulator, Pruning(_iteration(scores), "stored", "off", *counts))
+    return remove, np.bincount(regions[first], minlength=len(modulator)) + chosen.requested
+
+
+def _within_limits(
+    scores: Scores,
+    regions: Integer[np.ndarray, " n"],
+    modulator: Float[np.ndarray, " r"],
+    hidden: Bool[np.ndarray, " n"],
+    partition: Partition,
+    budget: Budget,
+) -> tuple[Bool[np.ndarray, " n"], Int[np.ndarray, " r"]]:
+    """Mark what goes where regions have shares and locks; and give what goes of each region."""
+    n_kept = len(hidden) - quota(len(hidden), 1 - budget.keep)
+    there = np.bincount(regions, minlength=len(modulator))
+    limits = limits_of(np.array([n_kept]), there, budget)
+    require_possible(limits, partition.regions, budget)
+    ranking = np.where(hidden, scores.score, worth(scores, regions, modulator, budget))
+    order = np.lexsort((np.arange(len(hidden)), ranking, ~hidden))
+    remove = ~best_within(order, regions, limits)
+    return remove, np.bincount(regions[remove], minlength=len(modulator))
 
 
 def _hidden(scores: Scores, budget: Budget) -> Bool[np.ndarray, " n"]:
@@ -131,27 +155,44 @@ def _lowest(
     budget: Budget,
 ) -> Selection:
     """Select a share of some of the Gaussians."""
-    score, of, binding = scores.score[rows], regions[rows], scores.gaussians.binding[rows]
+    score, of, binding = painted(scores, budget)[rows], regions[rows], scores.gaussians.binding[rows]
     if budget.scope == "regions":
-        return lowest_of_each_region(score, of, np.clip(ratio * modulator, 0, 1), binding)
+        factors = modulator / _mean_importance(of, binding, len(modulator), budget)
+        return lowest_of_each_region(score, of, np.clip(ratio * factors, 0, 1), binding)
     return lowest_of_all(score / modulator[of], of, len(modulator), ratio, binding)
 
 
+def _mean_importance(
+    regions: Integer[np.ndarray, " n"], binding: Int[np.ndarray, " n"], n_regions: int, budget: Budget
+) -> Float[np.ndarray, " r"]:
+    """Give the mean of what is painted over each region's Gaussians; 1 where there are none, and never 0."""
+    if budget.importance is None:
+        return np.ones(n_regions)
+    sums = np.bincount(regions, budget.importance[binding], n_regions)
+    counts = np.bincount(regions, minlength=n_regions)
+    mean = np.divide(sums, counts, out=np.ones(n_regions), where=counts > 0)
+    return np.maximum(mean, LEAST_IMPORTANCE)
+
+
 def _modulator(
-    scores: Scores, regions: Integer[np.ndarray, " n"], n_regions: int, budget: Budget
+    scores: Scores, regions: Integer[np.ndarray, " n"], partition: Partition, budget: Budget
 ) -> Float[np.ndarray, " r"]:
     """Give the last calibration's modulators, or, where there was none, those of the sensitivities; bounded, and over the weights."""
+    n_regions = len(partition.regions)
     measured = np.ones(n_regions)
     if budget.scope != "all":
-        measured = _measured(scores, regions, n_regions)
+        measured = _measured(scores, regions, partition, budget)
     weights = np.array([budget.weights.get(label, 1.0) for label in range(n_regions)])
     of: np.ndarray = np.clip(measured, budget.lowest_modulator, budget.highest_modulator) ** budget.power / weights
     return of
 
 
-def _measured(scores: Scores, regions: Integer[np.ndarray, " n"], n_regions: int) -> Float[np.ndarray, " r"]:
+def _measured(
+    scores: Scores, regions: Integer[np.ndarray, " n"], partition: Partition, budget: Budget
+) -> Float[np.ndarray, " r"]:
+    n_regions = len(partition.regions)
     calibrations = [event for event in scores.events if isinstance(event, Calibration)]
-    if calibrations:
+    if calibrations and partition.name == scores.scheme:
         known = calibrations[-1].modulator
         if len(known) != n_regions:
             raise FormatError(f"the scores' events are of {len(known)} regions, expected {n_regions}")
@@ -159,7 +200,10 @@ def _measured(scores: Scores, regions: Integer[np.ndarray, " n"], n_regions: int
     logits = scores.gaussians.sensitivity_logit
     if logits is None:
         return np.ones(n_regions)
-    return modulators(region_means(sigmoid(logits.astype(np.float64)), regions, n_regions))
+    counted = None
+    if scores.sums is not None and partition.name != scores.scheme:
+        counted = scores.sums.visible(budget.visible_pixels)  # what never shows has learned nothing
+    return modulators(region_means(sigmoid(logits.astype(np.float64)), regions, n_regions, counted))
 
 
 def _iteration(scores: Scores) -> int:

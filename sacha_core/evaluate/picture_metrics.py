@@ -16,6 +16,7 @@ from sacha_core.perception.flip import flip_map
 from sacha_core.perception.flip import missing as flip_lacks
 from sacha_core.perception.psnr import psnr, unit_range
 from sacha_core.perception.ssim import ssim
+from sacha_core.regions.partition import Partition
 from sacha_core.regions.scheme import PAPER, RegionScheme
 
 __all__ = [
@@ -168,7 +169,7 @@ class PictureMetrics:
         OptionError: there is no such metric, or FLIP's package is missing.
     """
 
-    def __init__(self, metrics: Collection[str] = DEFAULT_METRICS, scheme: RegionScheme = PAPER) -> None:
+    def __init__(self, metrics: Collection[str] = DEFAULT_METRICS, scheme: RegionScheme | Partition = PAPER) -> None:
         require_metrics(metrics)
         self._metrics = frozenset(metrics)
         self._scheme = scheme

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, UInt8
+from jaxtyping import Bool, Float, Int32, UInt8
 
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import Poser
 from sacha_core.interchange.capture import Capture, View
 from sacha_core.raster.camera import Camera
 from sacha_core.regions.labels import label_triangles
+from sacha_core.regions.partition import Partition
 from sacha_core.regions.scheme import PAPER, RegionScheme
 from sacha_core.synthesis.kernels.surface import project
 from sacha_core.synthesis.kernels.triangles import rasterise
 
-__all__ = ["NOWHERE", "RegionMasks"]
+__all__ = ["NOWHERE", "RegionMasks", "region_mask"]
 
 NOWHERE = 255  # a pixel that shows no triangle: background, hair, clothes
 NEAR_M = 0.1  # what is closer to the camera is not drawn
@@ -31,17 +32,17 @@ class RegionMasks:
     Args:
         capture: with the tracked motion.
         head: the head that its parameters belong to, with vertex masks.
-        scheme: the regions.
+        scheme: the regions; a `Partition` is of this head.
 
     Raises:
         HeadError: the head lacks a mask that the scheme is made from.
     """
 
-    def __init__(self, capture: Capture, head: HeadModel, scheme: RegionScheme = PAPER) -> None:
+    def __init__(self, capture: Capture, head: HeadModel, scheme: RegionScheme | Partition = PAPER) -> None:
+        self.scheme = scheme
         self._pose = Poser(head, capture.motion)
         self._faces = np.ascontiguousarray(head.faces, np.int32)
-        labels = label_triangles(head, scheme)
-        self._label_of_id = np.append(labels, np.uint8(NOWHERE))  # id -1, no triangle, takes the last
+        self._labels = scheme.labels if isinstance(scheme, Partition) else label_triangles(head, scheme)
         self._known: dict[tuple[int, int, int, int], UInt8[np.ndarray, "h w"]] = {}
 
     def region_of_pixel(
@@ -67,18 +68,32 @@ class RegionMasks:
 
     def _drawn(self, timestep: int, camera: Camera) -> UInt8[np.ndarray, "h w"]:
         """Draw one mask."""
-        vertices = np.ascontiguousarray(self._pose(timestep), np.float32)
-        screen, inverse_depth = np.zeros((len(vertices), 2), np.int32), np.zeros(len(vertices), np.float32)
-        lens = (camera.rotation, camera.translation, camera.fx, camera.fy, camera.cx, camera.cy, NEAR_M)
-        project(vertices, *lens, screen, inverse_depth)
-        shape = (camera.height, camera.width)
-        ids, depth = np.full(shape, -1, np.int32), np.zeros(shape, np.float32)
-        rasterise(screen, inverse_depth, self._faces, 0, ids, depth)
-        a, b, c = (screen[self._faces[:, corner]].astype(np.int64).T for corner in range(3))
-        from_behind = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0  # y points down
-        mask: np.ndarray = self._label_of_id[ids]
-        close_openings(mask, np.append(from_behind, False)[ids])
-        return mask
+        return region_mask(self._pose(timestep), self._faces, self._labels, camera)
+
+
+def region_mask(
+    vertices: Float[np.ndarray, "v 3"], faces: Int32[np.ndarray, "f 3"], labels: UInt8[np.ndarray, " f"], camera: Camera
+) -> UInt8[np.ndarray, "h w"]:
+    """Draw which region each pixel shows, as `RegionMasks` tells.
+
+    Args:
+        vertices: (v, 3) of the posed head, metres.
+        faces: (f, 3) its triangles.
+        labels: (f,) region of each.
+        camera: which looks at it.
+    """
+    vertices = np.ascontiguousarray(vertices, np.float32)
+    screen, inverse_depth = np.zeros((len(vertices), 2), np.int32), np.zeros(len(vertices), np.float32)
+    lens = (camera.rotation, camera.translation, camera.fx, camera.fy, camera.cx, camera.cy, NEAR_M)
+    project(vertices, *lens, screen, inverse_depth)
+    shape = (camera.height, camera.width)
+    ids, depth = np.full(shape, -1, np.int32), np.zeros(shape, np.float32)
+    rasterise(screen, inverse_depth, faces, 0, ids, depth)
+    a, b, c = (screen[faces[:, corner]].astype(np.int64).T for corner in range(3))
+    from_behind = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0  # y points down
+    mask: np.ndarray = np.append(labels, np.uint8(NOWHERE))[ids]  # id -1, no triangle, takes the last
+    close_openings(mask, np.append(from_behind, False)[ids])
+    return mask
 
 
 def close_openings(mask: UInt8[np.ndarray, "h w"], inside: Bool[np.ndarray, "h w"]) -> None:

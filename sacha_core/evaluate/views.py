@@ -82,7 +82,7 @@ def score_views(
     def frames_at(timestep: int) -> TriangleFrames:
         return triangle_frames(pose(timestep), head.faces)
 
-    measured = PictureMetrics(metrics)
+    measured = PictureMetrics(metrics) if masks is None else PictureMetrics(metrics, masks.scheme)
     for done, view in enumerate(views, 1):
         truth = capture.image(view, width, height)
         camera = view.camera.resized(truth.shape[1], truth.shape[0])

@@ -88,8 +88,13 @@ class RenderingEncoder:
         grounds, importance = self._measure()
         gaussians = self._avatar.gaussians
         least = self.pruning_bits * price_of_a_bit(gaussians, self.head, chosen, importance)
-        rows = prune(gaussians, grounds, least, self._rasteriser, self._factors)
-        left = replace(self._avatar, gaussians=gaussians.select(rows))
+        return self.prepare_rows(chosen, prune(gaussians, grounds, least, self._rasteriser, self._factors))
+
+    def prepare_rows(self, level: int | Level, rows: Int[np.ndarray, " m"]) -> Prepared:
+        """Leave out all but some of the Gaussians, whoever chose them."""
+        chosen = level if isinstance(level, Level) else level_named(level)
+        _, importance = self._measure()
+        left = replace(self._avatar, gaussians=self._avatar.gaussians.select(rows))
         return Prepared(left, chosen, rows, importance.weighted(self._factors).select(rows))
 
     def encode(self, level: int | Level) -> Encoded:

@@ -9,9 +9,10 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 from sacha_core.codec import decode
-from sacha_core.codec.levels import MAX_QUALITY, MIN_QUALITY, level_at
+from sacha_core.codec.levels import MAX_QUALITY, MIN_QUALITY, Level, level_at
 from sacha_core.errors import OptionError
 from sacha_core.progress import Progress, Report, silent
 from sacha_core.rate.encoding import Encoded, RenderingEncoder
@@ -56,7 +57,15 @@ def parse_size(text: str) -> int:
     return int(float(match[1]) * UNITS[match[2]])
 
 
-def encode_to_size(encoder: RenderingEncoder, n_bytes: int, report: Report = silent) -> Reached:
+class Encoder(Protocol):
+    """Whatever gives a file at any level."""
+
+    def encode(self, level: Level) -> Encoded:
+        """Encode at a level."""
+        ...
+
+
+def encode_to_size(encoder: Encoder, n_bytes: int, report: Report = silent) -> Reached:
     """Find the best file of at most so many bytes, motion and all included.
 
     Raises:
@@ -126,7 +135,7 @@ class Trials:
         report: told about each.
     """
 
-    def __init__(self, encoder: RenderingEncoder, report: Report) -> None:
+    def __init__(self, encoder: Encoder, report: Report) -> None:
         self._encoder, self._report = encoder, report
         self._made: dict[float, Encoded] = {}
 

@@ -10,7 +10,7 @@ import os
 
 import numpy as np
 
-from sacha_core.errors import FormatError, HeadError
+from sacha_core.errors import FormatError, TopologyError
 from sacha_core.flame.model import HeadModel
 from sacha_core.npz import read_npz, write_npz
 from sacha_core.regions.partition import Partition
@@ -47,7 +47,7 @@ def read_scheme_file(path: str | os.PathLike[str], head: HeadModel) -> Partition
 
     Raises:
         FormatError: it is damaged or not a scheme file; the message says what was wrong and what was expected.
-        HeadError: its triangles are not as many as the head's.
+        TopologyError: its triangles are not as many as the head's.
         OSError: it cannot be read.
     """
     arrays = read_npz(path)
@@ -65,7 +65,7 @@ def read_scheme_file(path: str | os.PathLike[str], head: HeadModel) -> Partition
             f"{path}: labels are {labels.shape} of {labels.dtype}, expected one integer for each triangle"
         )
     if len(labels) != head.n_faces:
-        raise HeadError(f"{path} is of {len(labels)} triangles, but head {head.name!r} has {head.n_faces}")
+        raise TopologyError(f"{path} is of {len(labels)} triangles, but head {head.name!r} has {head.n_faces}")
     if labels.min(initial=0) < 0 or labels.max(initial=0) >= len(regions):
         raise FormatError(f"{path}: a label is outside 0 to {len(regions) - 1}, the places of its regions")
     return Partition(name, regions, _colours(path, arrays.get("colours"), len(regions)), labels.astype(np.uint8))

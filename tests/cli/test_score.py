@@ -109,7 +109,7 @@ def test_weights_move_the_budget_to_a_region(done, scored, imported: Path, tmp_p
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ((), "expected one of --keep, --ratio and --target-count, got none"),
+        ((), "expected one of --keep, --ratio and --target-count, or --target-size, got none"),
         (("--keep", 0.5, "--ratio", 0.5), "got --keep and --ratio"),
         (("--keep", 0), "--keep is 0"),
         (("--keep", "nan"), "--keep is nan"),
