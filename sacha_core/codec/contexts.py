@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Int
 
 from sacha_core.codec.adaptive import AdaptiveDecoder, AdaptiveEncoder
+from sacha_core.codec.loops import compiled_loops
 from sacha_core.codec.order import KINDS, MATES, Pass, weighted_mean
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import MAX_EXPONENT, STEPS
@@ -29,6 +30,7 @@ MAX_WEIGHT = 255
 PER_STEP = 16  # estimates are in sixteenths of a step
 BOUNDS = np.array([math.isqrt(1 << k) for k in range(2, 23)], np.int64)  # of the classes: an eighth to 128 steps
 SIZE_CLASSES = len(BOUNDS) + 1
+CLASS_OF = np.searchsorted(BOUNDS, np.arange(BOUNDS[-1] + 1), side="right")  # of each estimate up to the last bound
 MOST = 1 << 40  # fine units; sums of sizes stay within 64 bits
 PLAN_CONTEXTS = 3
 
@@ -85,19 +87,24 @@ class Sizes:
     """
 
     def __init__(self, steps: Int[np.ndarray, "n c"]) -> None:
-        self._steps = steps
+        self._steps = np.array(steps)
         self._known = np.zeros(steps.shape, np.int64)
+        self._compiled = compiled_loops("contexts", len(steps))
 
     def enter(self, step: Pass) -> None:
         """Begin a pass."""
         near = weighted_mean(self._known, step.near, step.trust)
         mates = weighted_mean(self._known, step.mates, step.mate_trust)
-        self._around = (near, near.sum(axis=1), mates, mates.sum(axis=1))
+        self._around = near, mates
+        self._all: tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"]] | None = None
         self._pass = step
 
     def features(self, component: int) -> list[Int[np.ndarray, " p"]]:
         """What the size of a component of each Gaussian of the pass is estimated from."""
-        near, near_all, mates, mates_all = self._around
+        near, mates = self._around
+        if self._all is None:  # compiled loops add up themselves
+            self._all = near.sum(axis=1), mates.sum(axis=1)
+        near_all, mates_all = self._all
         earlier = [self._known[self._pass.rows, before] for before in range(component)]
         return [near[:, component], near_all, mates[:, component], mates_all, *earlier]
 
@@ -105,15 +112,26 @@ class Sizes:
         """Context of a component of each Gaussian of the pass: the class of its estimated size."""
         rows, kind = self._pass.rows, self._pass.kind
         group = int(kind == MATES)
+        if self._compiled:
+            classes = np.empty(len(rows), np.int64)
+            trust = plan.weights[component, group]
+            floor, offset = STEPS[plan.floors[component, group]], plan.offsets[component, kind]
+            self._compiled.classes_of_sizes(
+                self._known, rows, self._steps, *self._around, trust, component, floor, offset, PER_STEP, WEIGHT_BITS, CLASS_OF, classes
+            )  # fmt: skip
+            return classes
         total = np.zeros(len(rows), np.int64)
         for weight, feature in zip(plan.weights[component, group].tolist(), self.features(component), strict=False):
             if weight:
                 total += weight * feature
         size = (total >> WEIGHT_BITS) + STEPS[plan.floors[component, group]]
         estimate = size * PER_STEP // self._steps[rows, component] + plan.offsets[component, kind]
-        return np.asarray(np.searchsorted(BOUNDS, estimate, side="right"))
+        return np.asarray(CLASS_OF[np.minimum(estimate, BOUNDS[-1])])
 
     def learn(self, component: int, levels: Int[np.ndarray, " p"]) -> None:
         """Take in the levels of a component of the pass."""
         rows = self._pass.rows
+        if self._compiled:
+            self._compiled.learn_sizes(self._known, rows, self._steps, levels, component, MOST)
+            return
         self._known[rows, component] = np.minimum(np.abs(levels) * self._steps[rows, component], MOST)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Int
 
+from sacha_core.codec.loops import compiled_loops
 from sacha_core.codec.order import MATES, Pass
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import STEPS, Classes, StepRule
@@ -87,6 +88,14 @@ class Activity:
     def contexts(self, step: Pass) -> Int[np.ndarray, "p c"]:
         """Context of every component of each Gaussian of a pass."""
         rows = step.rows
+        compiled = compiled_loops("contexts", len(self._sizes))
+        if compiled:
+            classes = np.empty((len(rows), len(self._floors)), np.int64)
+            compiled.classes_of_activity(
+                self._sizes, rows, step.near, step.trust, step.mates, np.ascontiguousarray(step.mate_trust),
+                self._plan.weights[int(step.kind == MATES)], self._floors, self._scale, self._glass, ESTIMATE_SHIFT, CLASS_OF, classes
+            )  # fmt: skip
+            return classes
         known = np.zeros((len(rows), len(self._floors)), np.int64)
         weights = self._plan.weights[int(step.kind == MATES)]
         for weight, others, trust in zip(weights, (step.near, step.mates), (step.trust, step.mate_trust), strict=True):

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Int
 
 from sacha_core.codec.anchors import middle_of, triangle_of
-from sacha_core.codec.gathers import compiled_gathers
+from sacha_core.codec.loops import compiled_loops
 from sacha_core.codec.places import FULL_TRUST, TRUST_BITS, Places, nearest_known
 from sacha_core.codec.template import Template
 
@@ -97,7 +97,8 @@ def weighted_mean(
     values: Int[np.ndarray, "n ..."], rows: Int[np.ndarray, "p k"], trust: Int[np.ndarray, "p k"]
 ) -> Int[np.ndarray, "p ..."]:
     """Mean of the values at `rows` by trust, halves up; 0 where there is no trust."""
-    compiled = compiled_gathers(len(values)) if trust.any() else None
+    shown = bool(trust.size) and bool(trust[0].any())  # all rows have trust, or none
+    compiled = compiled_loops("gathers", len(values)) if shown else None
     if compiled and values.dtype == np.int64:
         mean = np.empty((len(rows), *values.shape[1:]), np.int64)
         flat = values.reshape(len(values), -1)
@@ -105,7 +106,7 @@ def weighted_mean(
         return mean
     shape = (len(rows),) + (1,) * (values.ndim - 1)
     total = np.full((len(rows), *values.shape[1:]), FULL_TRUST // 2, np.int64)
-    if trust.any():
+    if shown:
         for column in range(rows.shape[1]):  # column by column is faster than an axis of four
             total += values.take(rows[:, column], axis=0) * trust[:, column].reshape(shape)
     total >>= TRUST_BITS

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Int
 
+from sacha_core.codec.loops import compiled_loops
+
 __all__ = ["FULL_TRUST", "NEAREST", "NOWHERE", "TRUST_BITS", "Places", "along_curve", "curve_index", "nearest_known"]
 
 NOWHERE = -1
@@ -71,6 +73,13 @@ def nearest_known(
     if len(listed) == 0:
         return np.zeros((len(asked), NEAREST), np.int64), np.zeros((len(asked), NEAREST), np.int64)
     low, high = (np.searchsorted(listed, asked, side=side) for side in ("left", "right"))
+    compiled = compiled_loops("gathers", len(listed))
+    if compiled:
+        near, trust = np.zeros((len(asked), NEAREST), np.int64), np.zeros((len(asked), NEAREST), np.int64)
+        compiled.nearest_places(
+            places.points, places.beside, known, listed, low, high, asked, RATIO_BITS, TRUST_BITS, near, trust
+        )
+        return near, trust
     on_curve = np.stack([low - 2, low - 1, high, high + 1], axis=1)
     there = (on_curve >= 0) & (on_curve < len(listed))
     beside = places.beside[asked]

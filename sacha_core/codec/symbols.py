@@ -9,26 +9,22 @@ Source: own; the coder is constriction's `AnsCoder` (Bamler, 2022), specified in
 from __future__ import annotations
 
 import struct
-from typing import Any
 
-import constriction
 import numpy as np
 from jaxtyping import Int
 
 from sacha_core.codec import tokens as token_split
 from sacha_core.codec.grouping import LevelBits, fit_table, group_contexts
+from sacha_core.codec.loops import compiled_loops
 from sacha_core.codec.reading import ByteReader
-from sacha_core.codec.tables import MAX_TABLES, read_tables, table_weights, write_tables
+from sacha_core.codec.tables import MAX_TABLES, read_tables, write_tables
+from sacha_core.codec.token_stack import CompiledStack, PlainStack, stack_of
 from sacha_core.errors import FormatError
 
 __all__ = ["SymbolReader", "SymbolWriter"]
 
+TOKENS_PER_WORD = 8  # roughly; only steers by which loops they are read
 HEAD = "BII"  # number of tables, bytes of the tables, bytes of the raw bits
-
-
-def make_model(grades: Int[np.ndarray, " a"]) -> Any:
-    """Give the entropy model of a table."""
-    return constriction.stream.model.Categorical(table_weights(grades), perfect=False)
 
 
 class SymbolWriter:
@@ -80,26 +76,8 @@ class SymbolWriter:
         coded_tables = write_tables(table_of, tables)
         bits = token_split.pack_bits(raw, token_split.raw_lengths(tokens))
         head = struct.pack("<" + HEAD, len(tables), len(coded_tables), len(bits))
-        return head + coded_tables + bits + self._code(tokens, table_of[contexts], tables)
-
-    def _code(
-        self,
-        tokens: Int[np.ndarray, " m"],
-        table_of: Int[np.ndarray, " m"],
-        tables: list[tuple[int, Int[np.ndarray, "..."]]],
-    ) -> bytes:
-        """Push every token onto the stack coder, last first."""
-        coder = constriction.stream.stack.AnsCoder()
-        models = [make_model(grades) for _, grades in tables]
-        end = len(tokens)
-        for batch, _ in reversed(self._batches):
-            start = end - len(batch)
-            for table in range(len(tables) - 1, -1, -1):
-                mine = tokens[start:end][table_of[start:end] == table]
-                if len(mine):
-                    coder.encode_reverse((mine - tables[table][0]).astype(np.int32), models[table])
-            end = start
-        return bytes(coder.get_compressed().astype("<u4").tobytes())
+        lengths = [len(batch) for batch, _ in self._batches]
+        return head + coded_tables + bits + stack_of(lengths, tokens, table_of[contexts], tables)
 
 
 class SymbolReader:
@@ -115,11 +93,7 @@ class SymbolReader:
         if n_tables > MAX_TABLES:
             raise reader.error(f"{n_tables} tables, at most {MAX_TABLES} are allowed")
         offset = reader.offset
-        self._table_of, self._tables = read_tables(reader.take(table_bytes), n_contexts, n_tables, offset)
-        self._table_of = self._table_of.astype(np.uint8)  # 64 tables fit, and sort faster
-        self._models = [make_model(grades) for _, grades in self._tables]
-        self._firsts = np.array([first for first, _ in self._tables], np.int64)
-        self._single = [len(grades) == 1 for _, grades in self._tables]  # have a weight that stands for no token
+        table_of, self._tables = read_tables(reader.take(table_bytes), n_contexts, n_tables, offset)
         direct = token_split.DIRECT
         self._far = any(first <= -direct or first + len(grades) > direct for first, grades in self._tables)
         self._bits = np.unpackbits(np.frombuffer(reader.take(bit_bytes), np.uint8))
@@ -130,46 +104,40 @@ class SymbolReader:
         words = np.frombuffer(raw, "<u4").astype(np.uint32)
         if len(words) and words[-1] == 0:
             raise reader.error("the last coded word is zero, which no encoder writes")
-        self._coder = constriction.stream.stack.AnsCoder(words)
+        self._loops = compiled_loops("tokens", TOKENS_PER_WORD * len(words))
+        self._stack = (
+            CompiledStack(words, self._tables, table_of, self._loops)
+            if self._loops
+            else PlainStack(words, self._tables, table_of)
+        )
 
     def read(self, contexts: Int[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:
         """Read one integer for each context, in C order."""
         flat = contexts.reshape(-1)
         if flat.size and not self._tables:
             raise self._reader.error(f"{flat.size} symbols are due, but there is no table")
-        values = self._read_tokens(flat)
+        values = self._stack.take(np.ascontiguousarray(flat, np.int64))
+        if isinstance(values, int):
+            raise self._reader.error(f"a token beyond the last of table {values}")
         if self._far:
-            split = np.flatnonzero(np.abs(values) >= token_split.DIRECT)  # most values are a token alone
-            if len(split):
-                values[split] = self._joined(values[split])
+            self._join(values)
         return values.reshape(contexts.shape)
 
-    def _read_tokens(self, contexts: Int[np.ndarray, " m"]) -> Int[np.ndarray, " m"]:
-        """Read a token for each context; those of a table lie together."""
-        table_of = self._table_of[contexts]
-        counts = np.bincount(table_of, minlength=len(self._models))
-        by_table = np.repeat(self._firsts, counts)
-        start = 0
-        for table in np.flatnonzero(counts).tolist():
-            end = start + int(counts[table])
-            symbols = self._coder.decode(self._models[table], end - start)
-            if self._single[table] and symbols.any():
-                raise self._reader.error(f"a token beyond the last of table {table}")
-            by_table[start:end] += symbols
-            start = end
-        tokens = np.empty(len(contexts), np.int64)
-        tokens[np.argsort(table_of, kind="stable")] = by_table
-        return tokens
-
-    def _joined(self, tokens: Int[np.ndarray, " m"]) -> Int[np.ndarray, " m"]:
-        """Give the integers of tokens that raw bits follow."""
-        lengths = token_split.raw_lengths(tokens)
-        n_bits = int(lengths.sum())
-        if self._bits_used + n_bits > len(self._bits):
+    def _join(self, values: Int[np.ndarray, " m"]) -> None:
+        """Turn tokens that raw bits follow into integers."""
+        direct, used = token_split.DIRECT, self._bits_used
+        if self._loops:
+            used = self._loops.take_raw(values, self._bits, used, direct, token_split.MANTISSA_BITS)
+        else:
+            far = np.flatnonzero(np.abs(values) >= direct)  # most values are a token alone
+            lengths = token_split.raw_lengths(values[far])
+            used += int(lengths.sum())
+            if used <= len(self._bits):
+                raw = token_split.unpack_bits(self._bits, self._bits_used, lengths)
+                values[far] = token_split.join_tokens(values[far], raw)
+        if not 0 <= used <= len(self._bits):
             raise self._reader.error("the raw bits end too early")
-        raw = token_split.unpack_bits(self._bits, self._bits_used, lengths)
-        self._bits_used += n_bits
-        return token_split.join_tokens(tokens, raw)
+        self._bits_used = used
 
     def check_end(self) -> None:
         """Check that every word and every raw bit was used.
@@ -177,7 +145,7 @@ class SymbolReader:
         Raises:
             FormatError: something is left over.
         """
-        if not self._coder.is_empty():
+        if not self._stack.is_empty():
             raise self._reader.error("coded words are left over, or were cut: the symbols do not add up")
         left = self._bits[self._bits_used :]
         if len(left) >= 8 or left.any():

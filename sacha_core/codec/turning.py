@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from sacha_core.codec.gathers import compiled_gathers
+from sacha_core.codec.loops import compiled_loops
 from sacha_core.codec.order import KINDS, Pass
 from sacha_core.codec.prediction import trusted
 from sacha_core.codec.reading import ByteReader
@@ -96,7 +96,7 @@ class TurnWeights:
         """Give the expected orientations of a pass."""
         total = np.zeros((4, len(step.rows)))
         near, mates = self.weights[step.kind].tolist()
-        compiled = compiled_gathers(known.shape[1])
+        compiled = compiled_loops("gathers", known.shape[1])
         for weight, rows, trust in ((mates, step.mates, step.mate_trust), (near, step.near, step.trust)):
             if not (weight and trusted(trust)):
                 continue

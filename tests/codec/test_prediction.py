@@ -159,8 +159,8 @@ def test_compiled_orientations_are_those_of_numpy(monkeypatch):
     known = rng.normal(0, 1, (4, len(layout)))
     known[:, ::3] = rng.integers(-1, 2, (4, len(known[0, ::3])))
     weights = TurnWeights(rng.integers(1, 256, (KINDS, 2)))
-    monkeypatch.setattr(turning, "compiled_gathers", lambda _: None)
+    monkeypatch.setattr(turning, "compiled_loops", lambda *_: None)
     plain = [weights.expect(step, known) for step in layout.passes]
-    monkeypatch.setattr(turning, "compiled_gathers", lambda _: gathers)
+    monkeypatch.setattr(turning, "compiled_loops", lambda *_: gathers)
     for step, expected in zip(layout.passes, plain, strict=True):
         assert weights.expect(step, known).tobytes() == expected.tobytes()

@@ -1,10 +1,69 @@
-"""Sums over neighbours, compiled: the same bits as the array operations of `order` and `turning`, in one walk over memory."""
+"""Neighbours and sums over them, compiled: the same bits as the array operations of `places`, `order` and `turning`."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from sacha_core.parallel.kernels.kernel import kernel
 
-__all__ = ["add_orientations", "mean_rows"]
+__all__ = ["add_orientations", "mean_rows", "nearest_places"]
+
+BEFORE, BEHIND = 2, 2  # known places on the curve that are candidates
+
+
+@kernel
+def take_first(found, squared, count, ratio_bits, trust_bits, near, trust):
+    """Take the first of `count` sorted places, leaving out one that equals the one before, and share out trust."""
+    taken = 0
+    total = 0
+    for k in range(count):
+        if taken < len(near) and (k == 0 or found[k] != found[k - 1]):
+            near[taken] = found[k]
+            trust[taken] = ((squared[0] + 1) << ratio_bits) // (squared[k] + 1)
+            total += trust[taken]
+            taken += 1
+    left = 1 << trust_bits
+    for k in range(taken):
+        trust[k] = (trust[k] << trust_bits) // total
+        left -= trust[k]
+    if taken:
+        trust[0] += left
+
+
+@kernel
+def nearest_places(points, beside, known, listed, low, high, asked, ratio_bits, trust_bits, near, trust):
+    """Find the known places nearest to those `asked` for, into `near` and `trust` (p, k), which hold zeros.
+
+    `listed` are all known ones, ascending; those before `low` and from `high` on are other ones than the one asked for.
+    """
+    found = np.empty(BEFORE + BEHIND + beside.shape[1], np.int64)
+    squared = np.empty(len(found), np.int64)
+    for i in range(len(asked)):
+        place = asked[i]
+        count = 0
+        for k in range(len(found)):
+            if k < BEFORE:
+                at = low[i] - BEFORE + k
+            elif k < BEFORE + BEHIND:
+                at = high[i] + k - BEFORE
+            else:
+                at = 0
+            if at < 0 or at >= len(listed):
+                continue
+            other = listed[at] if k < BEFORE + BEHIND else beside[place, k - BEFORE - BEHIND]
+            if k >= BEFORE + BEHIND and (other == place or not known[other]):
+                continue
+            away = 0
+            for axis in range(3):
+                apart = points[other, axis] - points[place, axis]
+                away += apart * apart
+            at = count  # behind those that are as near
+            while at > 0 and squared[at - 1] > away:
+                squared[at], found[at] = squared[at - 1], found[at - 1]
+                at -= 1
+            squared[at], found[at] = away, other
+            count += 1
+        take_first(found, squared, count, ratio_bits, trust_bits, near[i], trust[i])
 
 
 @kernel
