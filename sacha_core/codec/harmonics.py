@@ -32,6 +32,7 @@ AXES = 3
 GROUPS = 2  # firsts, mates
 TERMS = 2  # neighbours, mates
 WEIGHT_BITS = 6
+AT_ONCE = 2048  # rows whose coefficients stay in a processor's cache
 
 
 @dataclass(frozen=True)
@@ -79,8 +80,11 @@ class Transform:
     def coefficients(self, values: Int[np.ndarray, "n c"]) -> Float[np.ndarray, "n k 3"]:
         """Give float32 coefficients of components. Sums of integers below 2^53: exact in float64, in whatever order they are summed."""
         rows = self.basis[self.functions][:, :, None] * self.axes[self.axis][:, None, :]
-        sums = values.astype(np.float64) @ rows.reshape(len(rows), self.basis.shape[1] * AXES).astype(np.float64)
-        rest: Float[np.ndarray, "n k3"] = (sums * RESULT_UNIT).astype(np.float32)
+        wide = rows.reshape(len(rows), self.basis.shape[1] * AXES).astype(np.float64)
+        rest = np.empty((len(values), wide.shape[1]), np.float32)
+        for start in range(0, len(values), AT_ONCE):
+            some = slice(start, start + AT_ONCE)
+            rest[some] = (values[some].astype(np.float64) @ wide) * RESULT_UNIT
         return rest.reshape(len(values), self.basis.shape[1], AXES)
 
     def pack(self) -> bytes:

@@ -31,6 +31,7 @@ __all__ = [
     "layout_by_triangle",
     "layout_by_vertex",
     "passes_over",
+    "trusted",
     "weighted_mean",
 ]
 
@@ -93,11 +94,16 @@ class Layout:
         return len(self.binding)
 
 
+def trusted(trust: Int[np.ndarray, "p k"]) -> bool:
+    """Tell whether the Gaussians of a pass have any such neighbours: all have, or none."""
+    return bool(trust.size) and bool(trust[0].any())
+
+
 def weighted_mean(
     values: Int[np.ndarray, "n ..."], rows: Int[np.ndarray, "p k"], trust: Int[np.ndarray, "p k"]
 ) -> Int[np.ndarray, "p ..."]:
     """Mean of the values at `rows` by trust, halves up; 0 where there is no trust."""
-    shown = bool(trust.size) and bool(trust[0].any())  # all rows have trust, or none
+    shown = trusted(trust)
     compiled = compiled_loops("gathers", len(values)) if shown else None
     if compiled and values.dtype == np.int64:
         mean = np.empty((len(rows), *values.shape[1:]), np.int64)

@@ -16,10 +16,12 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float, Int
 
-from sacha_core.codec.order import KINDS, Layout, Pass, weighted_mean
+from sacha_core.codec.loops import compiled_loops
+from sacha_core.codec.order import KINDS, Layout, Pass, trusted, weighted_mean
+from sacha_core.codec.places import TRUST_BITS
 from sacha_core.codec.reading import ByteReader
 
-__all__ = ["LIMIT", "Linear", "Mixture", "Prediction", "fit_mixture", "trusted"]
+__all__ = ["LIMIT", "Linear", "Mixture", "Prediction", "fit_mixture"]
 
 LIMIT = 1 << 40  # no attribute comes near; a decoder stops before sums could leave 64 bits
 TERMS = 2  # neighbours, mates
@@ -58,6 +60,25 @@ class Mixture:
 
     def predict(self, step: Pass, values: Int[np.ndarray, "n c"]) -> Int[np.ndarray, "p c"]:
         """Expected values of a pass, from the values known before it."""
+        compiled = compiled_loops("prediction", len(values))
+        if compiled:
+            there = np.array([trusted(trust) for _, trust in lists_of(step)])
+            weights = self.weights[step.kind] * there[:, None]
+            out = np.empty((len(step.rows), len(self.centre)), np.int64)
+            mate_trust = np.ascontiguousarray(step.mate_trust)
+            compiled.predict_values(
+                values,
+                step.near,
+                step.trust,
+                step.mates,
+                mate_trust,
+                self.centre,
+                weights,
+                TRUST_BITS,
+                WEIGHT_BITS,
+                out,
+            )
+            return out
         total = np.full((len(step.rows), len(self.centre)), 1 << (WEIGHT_BITS - 1), np.int64)
         for weights, (rows, trust) in zip(self.weights[step.kind], lists_of(step), strict=True):
             if weights.any() and trusted(trust):
@@ -123,6 +144,13 @@ class Linear:
 
     def learn(self, component: int, difference: Int[np.ndarray, " p"]) -> None:
         """Add differences to what was expected."""
+        compiled = compiled_loops("prediction", len(self.values))
+        if compiled:
+            across = self._mixture.across[component]
+            compiled.learn_values(
+                self.values, self._rows, self._expected, self._off, across, component, difference, WEIGHT_BITS
+            )
+            return
         value = self.expected(component) + difference
         self._off[:, component] = value - self._expected[:, component]
         self.values[self._rows, component] = value
@@ -131,11 +159,6 @@ class Linear:
 def lists_of(step: Pass) -> tuple[tuple[Int[np.ndarray, "p k"], Int[np.ndarray, "p k"]], ...]:
     """Neighbours and mates, with the trust in them: one for each term."""
     return (step.near, step.trust), (step.mates, step.mate_trust)
-
-
-def trusted(trust: Int[np.ndarray, "p k"]) -> bool:
-    """Tell whether the Gaussians of a pass have any such neighbours: all have, or none."""
-    return bool(trust[0].any())
 
 
 def fit_mixture(layout: Layout, values: Int[np.ndarray, "n c"], steps: Int[np.ndarray, "n c"]) -> Mixture:

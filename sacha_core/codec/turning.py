@@ -17,8 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.codec.loops import compiled_loops
-from sacha_core.codec.order import KINDS, Pass
-from sacha_core.codec.prediction import trusted
+from sacha_core.codec.order import KINDS, Pass, trusted
 from sacha_core.codec.reading import ByteReader
 
 __all__ = ["UNIT", "TurnWeights", "Turning", "conjugate", "multiply", "nearest_to", "rotation_vector", "turn_of"]

@@ -11,7 +11,7 @@ from golden_streams import DIGESTS, FOLDER, digests_of
 from synthetic_avatars import small_head
 
 from sacha_core.codec import loops, places
-from sacha_core.codec.kernels import contexts, gathers, tokens
+from sacha_core.codec.kernels import contexts, gathers, prediction, tokens
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.symbols import SymbolReader, SymbolWriter
 from sacha_core.codec.template import template_of
@@ -19,7 +19,7 @@ from sacha_core.errors import FormatError
 
 N_CONTEXTS = 8
 PUBLISHED = json.loads(DIGESTS.read_text())
-KERNELS = {"gathers": gathers, "contexts": contexts, "tokens": tokens}
+KERNELS = {"gathers": gathers, "contexts": contexts, "prediction": prediction, "tokens": tokens}
 Choose = Callable[[bool], None]
 
 
