@@ -83,10 +83,10 @@ def test_with_an_engine_a_file_can_be_opened(panels: SimpleNamespace) -> None:
 def test_a_running_job_shows_its_progress_and_cancel(panels: SimpleNamespace, addon: ModuleType, monkeypatch) -> None:
     running = __import__(f"{addon.__name__}.running", fromlist=["now"])
     told = __import__(f"{addon.__name__}.told", fromlist=["Told"])
-    job = SimpleNamespace(said=told.Told("fit", 1, 4))
+    job = SimpleNamespace(said=told.Told("fit", 1, 4, 125.0))
     monkeypatch.setattr(running, "now", lambda: SimpleNamespace(work=SimpleNamespace(title="Opening"), job=job))
     drawn = drawn_by(panels.SachaPanel)
-    assert ("progress", {"factor": 0.25, "text": "fit"}) in drawn
+    assert ("progress", {"factor": 0.25, "text": "fit, 2 min 05 s left"}) in drawn
     assert operators(drawn) == ["sacha.cancel"]
 
 

@@ -17,7 +17,9 @@ class SachaFilesPanel(bpy.types.Panel):
     bl_label = "Compress"
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
+    bl_category = "SACHA"
     bl_parent_id = "SACHA_PT_main"
+    bl_order = 40
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

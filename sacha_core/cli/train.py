@@ -108,6 +108,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         OSError: a file cannot be read or written.
     """
     from sacha_core.cli.sources import capture_head
+    from sacha_core.cli.stopping import stopping_gently
     from sacha_core.interchange.capture import read_capture
     from sacha_core.regions.labels import label_triangles, region_counts
     from sacha_core.regions.scheme import PAPER
@@ -122,9 +123,9 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     )
     watch = Stopwatch() if options.timings else None
     start = time.perf_counter()
-    trained = train(
-        capture, head, chosen, options.output, report=console.report, resume=not options.restart, stopwatch=watch
-    )
+    resume = not options.restart
+    with stopping_gently() as stop:
+        trained = train(capture, head, chosen, options.output, console.report, resume, stopwatch=watch, stop=stop)
     seconds = time.perf_counter() - start
     counts = region_counts(label_triangles(head, PAPER), trained.gaussians.binding)
     by_region = {name: int(count) for name, count in zip(PAPER.regions, counts, strict=True)}

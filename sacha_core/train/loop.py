@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -67,6 +67,7 @@ def train(
     resume: bool = True,
     start_from: str | os.PathLike[str] | None = None,
     stopwatch: Stopwatch | None = None,
+    stop: Callable[[], bool] = lambda: False,
 ) -> TrainedModel:
     """Fit an avatar to the training views of a capture.
 
@@ -83,6 +84,7 @@ def train(
         resume: whether to go on from a checkpoint in `out`; if not, the run begins anew, and what an earlier one left there goes.
         start_from: checkpoint of another run, not beyond its warm-up, to begin with: variants that differ only later share their warm-up.
         stopwatch: told how long each stage of the iterations takes, but for the first; one is named "rest".
+        stop: asked after each iteration whether to stop there: a checkpoint is written, so that nothing is lost when the run goes on.
 
     Returns:
         The model that was written to `out`.
@@ -95,10 +97,11 @@ def train(
         GeometryError: a timestep's tracked pose makes a triangle degenerate.
         FormatError: a checkpoint is damaged.
         OSError: `out` cannot be written.
+        KeyboardInterrupt: it was told to stop.
     """
     folder = Path(out)
     require_head(capture, head)
-    run = Run(capture, head, options, folder, report, stopwatch)
+    run = Run(capture, head, options, folder, report, stopwatch, stop)
     run.begin(resume, None if start_from is None else Path(start_from))
     return run.finish()
 
@@ -127,6 +130,7 @@ class Run:
         folder: see `train`.
         report: see `train`.
         stopwatch: see `train`.
+        stop: see `train`.
     """
 
     capture: Capture
@@ -135,6 +139,7 @@ class Run:
     folder: Path
     report: Report
     stopwatch: Stopwatch | None = None
+    stop: Callable[[], bool] = lambda: False
     iteration: int = field(init=False, default=0)
     engine: Engine = field(init=False)
     events: list[Event] = field(init=False, default_factory=list)
@@ -212,6 +217,9 @@ class Run:
                         values["gaussians"] = float(self.n_gaussians)
                         values["iterations_per_s"] = (done - first) / max(now_s - begun_s, 1e-9)
                         self.report(Progress("train", done, end, dict(values)))
+                if done < end and self.stop():
+                    self._checkpoint(CHECKPOINT)
+                    raise KeyboardInterrupt
 
     def iterate(self) -> None:
         """Do one iteration."""
@@ -324,8 +332,12 @@ class Run:
         }
         for name in (name for name, is_due in due.items() if is_due):
             with timed(self.engine.stopwatch, "checkpoint"):
-                checkpoint = Checkpoint(self._take(), self.options, tuple(self.events), self.data)
-                write_checkpoint(self.folder / name, checkpoint)
+                self._checkpoint(name)
+
+    def _checkpoint(self, name: str) -> None:
+        """Write all that the run needs to go on from here."""
+        checkpoint = Checkpoint(self._take(), self.options, tuple(self.events), self.data)
+        write_checkpoint(self.folder / name, checkpoint)
 
     def _fresh(self) -> TrainState:
         """Give the state before the first iteration."""

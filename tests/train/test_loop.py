@@ -84,6 +84,16 @@ def test_a_resumed_run_ends_in_the_same_bytes_whatever_the_threads(tiny, finishe
     assert model_bytes(tmp_path) == model_bytes(finished)
 
 
+def test_a_run_that_is_told_to_stop_loses_nothing(tiny, finished, tmp_path) -> None:
+    """Oracle: the run that nobody stopped, to the byte; what is left is a checkpoint of the very iteration at which it was told."""
+    asked = iter([False] * 8 + [True])
+    with pytest.raises(KeyboardInterrupt):
+        train(tiny.capture, tiny.head, options(), tmp_path, stop=lambda: next(asked))
+    assert read_checkpoint(tmp_path / CHECKPOINT).state.iteration == 9
+    train(tiny.capture, tiny.head, options(), tmp_path)
+    assert model_bytes(tmp_path) == model_bytes(finished)
+
+
 @pytest.fixture(scope="module")
 def checkpoints(tiny, tmp_path_factory) -> dict[int, Path]:
     """Give a folder for every iteration, as a run leaves it that is interrupted right after its checkpoint of that iteration."""

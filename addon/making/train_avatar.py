@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Training: from a dataset to an avatar, in a process that Blender's end does not end."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+
+from .. import engine, preferences, running, sources
+from . import known_runs, run_folder
+from .run_folder import Standing
+from .settings import DEVICES, VARIANTS
+
+__all__ = ["CLASSES"]
+
+TICK_S = 0.2  # how often a waiting script looks
+TRANSFORMS = "transforms_train.json"  # what makes a folder a dataset
+AS_SET_UP = "; as set up in the scene where not given"
+
+
+class SachaTrain(bpy.types.Operator):
+    """Train an avatar on a dataset."""
+
+    bl_idname = "sacha.train"
+    bl_label = "Train"
+    bl_description = (
+        "Train an avatar on the dataset; goes on when Blender is closed, and where an interrupted training stopped"
+    )
+
+    dataset: StringProperty(name="Dataset", description=f"Folder of the capture{AS_SET_UP}", subtype="DIR_PATH")
+    model: StringProperty(name="Model", description=f"Folder that the avatar goes to{AS_SET_UP}", subtype="DIR_PATH")
+    variant: EnumProperty(name="Variant", description=f"How Gaussians are grown and pruned{AS_SET_UP}", items=VARIANTS)
+    iterations: IntProperty(name="Iterations", description=f"Length of the training{AS_SET_UP}", min=1)
+    shrink: IntProperty(name="Shrink Images", description=f"How many times smaller than stored{AS_SET_UP}", min=1)
+    seed: IntProperty(name="Seed", description=f"Of everything random{AS_SET_UP}", min=0)
+    device: EnumProperty(name="Device", description=f"Where to compute{AS_SET_UP}", items=DEVICES)
+    finetune: BoolProperty(name="Write File", description=f"Write level-N.sacha after training{AS_SET_UP}")
+    restart: BoolProperty(
+        name="Restart", description="Begin anew, even where an interrupted training could go on", options={"SKIP_SAVE"}
+    )
+    wait: running.wait_property()
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
+        """From a button: start it, and leave it to itself."""
+        self.wait = False
+        return self.execute(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Start the training; a script that waits gets its end, too."""
+        try:
+            arguments, model = _arguments(self, context)
+            run = _start(context, arguments, model)
+        except (engine.EngineMissingError, OSError, ValueError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if not self.wait:
+            self.report({"INFO"}, f"Training goes on in {model}, also when Blender is closed")
+            return {"FINISHED"}
+        return _see_through(self, run)
+
+
+class SachaContinueTraining(bpy.types.Operator):
+    """Let a training that was interrupted go on where it was."""
+
+    bl_idname = "sacha.continue_training"
+    bl_label = "Go On"
+    bl_description = "Let the training go on where it was interrupted"
+
+    model: StringProperty(name="Model", description="Its folder", subtype="DIR_PATH", options={"SKIP_SAVE"})
+    wait: running.wait_property()
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
+        """From a button: start it, and leave it to itself."""
+        self.wait = False
+        return self.execute(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Start it again with what it was started with."""
+        try:
+            run = _run_of(self.model)
+            arguments = [argument for argument in run.arguments if argument != "--restart"]
+            run = _start(context, arguments, run.model)
+        except (engine.EngineMissingError, OSError, ValueError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return _see_through(self, run) if self.wait else {"FINISHED"}
+
+
+class SachaStopTraining(bpy.types.Operator):
+    """Stop a training; it can go on later."""
+
+    bl_idname = "sacha.stop_training"
+    bl_label = "Stop"
+    bl_description = "Stop the training; it can go on later where it was"
+
+    model: StringProperty(name="Model", description="Its folder", subtype="DIR_PATH", options={"SKIP_SAVE"})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:  # noqa: ARG002  (Blender's signature)
+        """Ask its process to end."""
+        try:
+            run_folder.stop(_run_of(self.model))
+        except (OSError, ValueError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        known_runs.refresh()
+        return {"FINISHED"}
+
+
+class SachaFindTraining(bpy.types.Operator):
+    """Show a training that was started elsewhere, or was forgotten."""
+
+    bl_idname = "sacha.find_training"
+    bl_label = "Find Training"
+    bl_description = "Show a training by its folder: one that another Blender started, or that was taken off the list"
+
+    directory: StringProperty(name="Model", description="Its folder", subtype="DIR_PATH", options={"SKIP_SAVE"})
+    filter_folder: BoolProperty(default=True, options={"HIDDEN"})
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
+        """Ask for the folder."""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:  # noqa: ARG002  (Blender's signature)
+        """Look at it, and keep it in mind."""
+        try:
+            run = _run_of(self.directory)
+            known_runs.remember(run)
+        except (OSError, ValueError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        status = run_folder.look(run)
+        self.report({"INFO"}, f"{run.model.name}: {status.standing.value}. {status.complaint}".strip())
+        return {"FINISHED"}
+
+
+class SachaForgetTraining(bpy.types.Operator):
+    """Take a training off the list; its folder stays."""
+
+    bl_idname = "sacha.forget_training"
+    bl_label = "Forget"
+    bl_description = "Take it off the list; its folder, and what trains in it, stay as they are"
+
+    model: StringProperty(name="Model", description="Its folder", subtype="DIR_PATH", options={"SKIP_SAVE"})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:  # noqa: ARG002  (Blender's signature)
+        """Forget it."""
+        known_runs.forget(sources.full_path(self.model))
+        return {"FINISHED"}
+
+
+def _arguments(given: SachaTrain, context: bpy.types.Context) -> tuple[list[str], Path]:
+    """Give the engine's arguments, and the folder of the model.
+
+    Raises:
+        ValueError: a folder is not named, or the dataset is none.
+    """
+    setup = context.scene.sacha_making
+
+    def chosen(name: str) -> str | int | bool:
+        return getattr(given if given.properties.is_property_set(name) else setup, name)
+
+    for name in ("dataset", "model"):
+        if not chosen(name):
+            raise ValueError(f"No {name}: name the folder {'of the capture' if name == 'dataset' else 'it goes to'}")
+    dataset, model = sources.full_path(chosen("dataset")), sources.full_path(chosen("model"))
+    arguments = ["train", str(dataset), "-o", str(model), *sources.head_options(context)]
+    arguments += ["--variant", chosen("variant"), "--iterations", str(chosen("iterations"))]
+    arguments += ["--seed", str(chosen("seed")), "--device", chosen("device")]
+    stored = _stored_size(dataset)
+    if chosen("shrink") > 1:
+        width, height = (max(side // chosen("shrink"), 1) for side in stored)
+        arguments += ["--width", str(width), "--height", str(height)]
+    if chosen("finetune"):
+        arguments += ["--finetune-level", str(context.scene.sacha.level)]
+    return arguments + ["--restart"] * given.restart, model
+
+
+def _stored_size(dataset: Path) -> tuple[int, int]:
+    """Give width and height of a dataset's pictures.
+
+    Raises:
+        ValueError: the folder is no dataset.
+    """
+    places = [dataset, *sorted(dataset.glob("UNION*"))]
+    found = next((place / TRANSFORMS for place in places if (place / TRANSFORMS).is_file()), None)
+    if found is None:
+        raise ValueError(f"{dataset} is no dataset: it has no {TRANSFORMS}, as GaussianAvatars' captures do")
+    try:
+        told = json.loads(found.read_text(encoding="utf-8"))
+        told = told if "w" in told else told["frames"][0]
+        return int(told["w"]), int(told["h"])
+    except (ValueError, LookupError, TypeError) as error:
+        raise ValueError(f"{found} is damaged: it does not say how large the pictures are") from error
+
+
+def _run_of(model: str) -> run_folder.Run:
+    """Find the training of a folder.
+
+    Raises:
+        ValueError: there is none.
+    """
+    if not model:
+        raise ValueError("No training: name its folder")
+    run = run_folder.find_run(sources.full_path(model))
+    if run is None or run.arguments[:1] != ("train",):
+        raise ValueError(f"{sources.full_path(model)} holds no training that was started here")
+    return run
+
+
+def _start(context: bpy.types.Context, arguments: list[str], model: Path) -> run_folder.Run:
+    python = preferences.engine_python(context)
+    run = run_folder.start_run([str(python), "-m", "sacha_core"], arguments, model)
+    known_runs.remember(run)
+    return run
+
+
+def _see_through(operator: bpy.types.Operator, run: run_folder.Run) -> set[str]:
+    """Wait for the end of a training; where this is interrupted the training is not."""
+    while (status := run_folder.look(run_folder.find_run(run.model) or run)).goes_on:
+        time.sleep(TICK_S)
+    known_runs.refresh()
+    if status.standing is Standing.FINISHED:
+        operator.report({"INFO"}, f"Trained {run.model.name}")
+        return {"FINISHED"}
+    operator.report({"WARNING" if status.standing is Standing.STOPPED else "ERROR"}, status.complaint)
+    return {"CANCELLED"}
+
+
+CLASSES = (SachaTrain, SachaContinueTraining, SachaStopTraining, SachaFindTraining, SachaForgetTraining)
