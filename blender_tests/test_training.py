@@ -158,7 +158,7 @@ def test_one_that_is_killed_half_way_says_so_and_can_go_on(
     wait_until(lambda: known_runs.refresh()[0].said.total > 0)
     os.killpg(known_runs.shown()[0].run.process.number, signal.SIGKILL)
     wait_until(lambda: standing(run_folder, tmp_path / "model") == "failed")
-    assert "ended from outside" in known_runs.refresh()[0].complaint
+    assert "ended from outside" in known_runs.refresh()[0].complaint.message
     assert known_runs.shown()[0].said.done == 250
 
 

@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass
 from enum import Enum
 from pathlib import Path
 
+from ..ending import NO_ENGINE, Ending, Heard
 from ..processes import DETACHED, Process, find_process
 from ..told import LOG, PRINTED, REPORT, Told, last_lines, last_told
 
@@ -25,7 +26,7 @@ __all__ = ["ENVIRONMENT", "Run", "Standing", "Status", "find_run", "look", "star
 
 PLACE, RECORD = "run", "run.json"
 GRACE_S = 20.0  # between asking a training to stop and ending it: it writes what it needs to go on
-LOG_LINES = 8
+LOG_LINES = 20
 ENVIRONMENT = ("PYTHONHOME", "PYTHONPATH")  # point at Blender's own Python, which is not the worker's
 
 _children: list[
@@ -78,14 +79,14 @@ class Status:
         run: the run.
         standing: where it stands.
         said: its last progress.
-        complaint: why it is not going on, in one line; empty where it is, or has finished.
+        complaint: why it is not going on, in one line, and its kind (see `advice`); empty where it is, or has finished.
         log: the last lines that it wrote to its log.
     """
 
     run: Run
     standing: Standing
     said: Told
-    complaint: str
+    complaint: Ending
     log: list[str]
 
     @property
@@ -203,18 +204,26 @@ def _standing(run: Run) -> Standing:
     return Standing.FAILED if run.stop_asked_s is None else Standing.STOPPED
 
 
-def _complaint(run: Run, standing: Standing, log: list[str]) -> str:
+def _complaint(run: Run, standing: Standing, log: list[str]) -> Ending:
     """Say why a run is not going on."""
     if standing is Standing.ELSEWHERE:
-        return f"It was started on {run.machine}; whether it still runs can only be told there"
+        return Ending("", f"It was started on {run.machine}; whether it still runs can only be told there")
     if standing is Standing.STOPPED:
-        return "Stopped; it can go on where it was"
-    if standing is not Standing.FAILED:
-        return ""
-    if any("No module named sacha_core" in line or "No module named 'sacha_core'" in line for line in log):
-        return "The Python of the preferences has no SACHA engine: install it there with pip"
-    return (
-        log[-1]
-        if log
-        else "It was ended from outside without a word: was the memory too small, or the machine shut down?"
+        return Ending("", "Stopped; it can go on where it was")
+    return _failure(run, log) if standing is Standing.FAILED else Ending("", "")
+
+
+def _failure(run: Run, log: list[str]) -> Ending:
+    """Say why a run ended that nobody stopped."""
+    heard = Heard()
+    for line in last_lines(run.folder / PRINTED, LOG_LINES):
+        heard.line(line.encode())
+    if heard.error is not None:
+        return heard.error
+    if any(sentence in line for line in log for sentence in NO_ENGINE):
+        return Ending("NoEngine", "The Python of the preferences has no SACHA engine")
+    if log:
+        return Ending("EngineBroken" if any(line.startswith("Traceback (") for line in log) else "", log[-1])
+    return Ending(
+        "StaleWorker", "It was ended from outside without a word: memory ran out, or the machine was shut down"
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
-from .. import engine, preferences, running, sources
+from .. import engine, preferences, problem, running, sources
 from . import known_runs, run_folder
 from .run_folder import Standing
 from .settings import DEVICES, VARIANTS
@@ -55,8 +55,7 @@ class SachaTrain(bpy.types.Operator):
             arguments, model = _arguments(self, context)
             run = _start(context, arguments, model)
         except (engine.EngineMissingError, OSError, ValueError) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return problem.tell(self, str(error), getattr(error, "kind", ""))
         if not self.wait:
             self.report({"INFO"}, f"Training goes on in {model}, also when Blender is closed")
             return {"FINISHED"}
@@ -85,8 +84,7 @@ class SachaContinueTraining(bpy.types.Operator):
             arguments = [argument for argument in run.arguments if argument != "--restart"]
             run = _start(context, arguments, run.model)
         except (engine.EngineMissingError, OSError, ValueError) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return problem.tell(self, str(error), getattr(error, "kind", ""))
         return _see_through(self, run) if self.wait else {"FINISHED"}
 
 
@@ -104,8 +102,7 @@ class SachaStopTraining(bpy.types.Operator):
         try:
             run_folder.stop(_run_of(self.model))
         except (OSError, ValueError) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return problem.tell(self, str(error), getattr(error, "kind", ""))
         known_runs.refresh()
         return {"FINISHED"}
 
@@ -131,10 +128,9 @@ class SachaFindTraining(bpy.types.Operator):
             run = _run_of(self.directory)
             known_runs.remember(run)
         except (OSError, ValueError) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return problem.tell(self, str(error), getattr(error, "kind", ""))
         status = run_folder.look(run)
-        self.report({"INFO"}, f"{run.model.name}: {status.standing.value}. {status.complaint}".strip())
+        self.report({"INFO"}, f"{run.model.name}: {status.standing.value}. {status.complaint.message}".strip())
         return {"FINISHED"}
 
 
@@ -227,8 +223,10 @@ def _see_through(operator: bpy.types.Operator, run: run_folder.Run) -> set[str]:
     if status.standing is Standing.FINISHED:
         operator.report({"INFO"}, f"Trained {run.model.name}")
         return {"FINISHED"}
-    operator.report({"WARNING" if status.standing is Standing.STOPPED else "ERROR"}, status.complaint)
-    return {"CANCELLED"}
+    if status.standing is Standing.STOPPED:
+        operator.report({"WARNING"}, status.complaint.message)
+        return {"CANCELLED"}
+    return problem.tell(operator, status.complaint.message, status.complaint.kind, log="\n".join(status.log))
 
 
 CLASSES = (SachaTrain, SachaContinueTraining, SachaStopTraining, SachaFindTraining, SachaForgetTraining)

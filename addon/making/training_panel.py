@@ -5,11 +5,14 @@ from __future__ import annotations
 
 import bpy
 
+from ..advice import advice
+from ..telling.lines import draw_sentence
 from . import known_runs
 from .run_folder import Standing, Status
 
 __all__ = ["CLASSES"]
 
+SHOWN_LINES = 6  # of a log
 ICONS = {
     Standing.RUNNING: "PLAY",
     Standing.STOPPING: "PAUSE",
@@ -43,10 +46,10 @@ class SachaTrainingPanel(bpy.types.Panel):
         row.operator("sacha.train", icon="PLAY")
         row.operator("sacha.find_training", text="Find...", icon="VIEWZOOM")
         for status in known_runs.shown():
-            _draw_run(layout.box(), status)
+            _draw_run(context, layout.box(), status)
 
 
-def _draw_run(box: bpy.types.UILayout, status: Status) -> None:
+def _draw_run(context: bpy.types.Context, box: bpy.types.UILayout, status: Status) -> None:
     """Draw one training: where it stands, how long it will take, what can be done."""
     model, said = str(status.run.model), status.said
     heading = box.row()
@@ -57,11 +60,12 @@ def _draw_run(box: bpy.types.UILayout, status: Status) -> None:
         box.progress(factor=said.fraction, text=", ".join(filter(None, (steps, said.left))))
         if said.values:
             box.label(text=said.figures)
-    if status.complaint:
-        box.label(text=status.complaint)
+    if status.complaint.message:
+        draw_sentence(box, context, status.complaint.message)
+        draw_sentence(box, context, advice(status.complaint.kind))
     if status.log and status.standing in {Standing.RUNNING, Standing.FAILED}:
         column = box.column(align=True)
-        for line in status.log:
+        for line in status.log[-SHOWN_LINES:]:
             column.label(text=line)
     row = box.row()
     if status.standing is Standing.RUNNING:
