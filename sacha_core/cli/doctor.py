@@ -7,20 +7,13 @@ import importlib.util
 import os
 import platform
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import tyro
 
-from sacha_core.cli.common import Common, HeadSource, MaybePath
+from sacha_core.cli.common import Common, FileOption, HeadSource, MaybePath
 from sacha_core.cli.console import Console, table
 from sacha_core.errors import OptionError, SachaError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from sacha_core.evaluate.coverage import Coverage
-    from sacha_core.interchange.capture import Capture, View
 
 PACKAGES = {  # package: what it is needed for; the first ones are needed for everything
     "numpy": "everything",
@@ -43,10 +36,6 @@ PACKAGES = {  # package: what it is needed for; the first ones are needed for ev
 }
 REQUIRED = 5
 DISTRIBUTIONS = {"PIL": "pillow", "flip_evaluator": "flip-evaluator"}  # where the package index has another name
-LOOKED_AT = 24  # views of a capture whose pixels are decoded
-ENOUGH_COVERED = (
-    0.8  # of the vertices inside the mask: captures are masked below a line through the neck, which hides some
-)
 INPUTS = ("dataset",)
 
 
@@ -54,12 +43,16 @@ INPUTS = ("dataset",)
 class Options:
     """Check this installation: Python, packages, the folder of heads.
 
-    With a capture, check that too before hours go into training on it: that every file is there and makes sense, and that the tracked head
-    lies where the images show the person.
+    With a capture, check that too before hours go into training on it: that every file is there and makes sense, that parameters are those
+    of a head, and that the tracked mesh lies where the images show the person. Where it does not, other readings of the cameras are tried
+    (axes, units, resolution), and the one that fits is named. Exit status 1: it is not fit for training.
     """
 
     dataset: Annotated[MaybePath, tyro.conf.Positional, tyro.conf.arg(metavar="DATASET")] = None
-    """A capture in GaussianAvatars' layout."""
+    """A capture in GaussianAvatars' layout, as VHAP exports it."""
+
+    picture: Annotated[FileOption, tyro.conf.arg(metavar="FILE.png")] = None
+    """Draw the tracked mesh and the edge of the mask over images of several cameras and timesteps."""
 
     head: HeadSource = field(default_factory=HeadSource)
     common: Common = field(default_factory=Common)
@@ -72,9 +65,13 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         SachaError: a package that everything needs is missing, or the capture is broken.
     """
     if options.dataset is not None:
-        return check_capture(options.dataset, options.head, console)
+        from sacha_core.cli.capture_check import check_capture
+
+        return check_capture(options.dataset, options.head, options.picture, console)
     if options.head != HeadSource():
         raise OptionError("--head and --masks say whose head a capture shows; expected a DATASET beside them")
+    if options.picture is not None:
+        raise OptionError("--picture draws the mesh over a capture's images; expected a DATASET beside it")
     return check_installation(console)
 
 
@@ -126,80 +123,3 @@ def version_of(package: str) -> str | None:
         return importlib.metadata.version(DISTRIBUTIONS.get(package, package))
     except importlib.metadata.PackageNotFoundError:
         return "unknown"
-
-
-def check_capture(root: Path, source: HeadSource, console: Console) -> dict[str, Any]:
-    """Read a capture, and see whether its tracked head lies inside its masks.
-
-    Raises:
-        SachaError: the capture is broken, or its head is not to be found.
-    """
-    from sacha_core.cli.sources import capture_head
-    from sacha_core.evaluate.coverage import mesh_coverage
-    from sacha_core.evaluate.splits import spread
-    from sacha_core.interchange.capture import read_capture
-
-    capture = read_capture(root)
-    summary = summarise(capture)
-    console.say(f"capture      {capture.root}")
-    console.say(f"images       {summary['n_images']} of {' and '.join(summary['sizes'])}, all there")
-    console.say(f"timesteps    {summary['n_timesteps']}, parameters finite")
-    console.say(f"cameras      {len(summary['cameras'])}")
-    console.say("splits       " + ", ".join(f"{name} {count}" for name, count in summary["splits"].items()))
-    head = capture_head(capture, source)
-    console.say(f"head         {head.name}: {head.n_vertices} vertices, {head.n_faces} triangles")
-    views = spread((*capture.train, *capture.val, *capture.test), LOOKED_AT)
-    covered = mesh_coverage(capture, head, views, console.report)
-    worst, mean = min(one.inside for one in covered), sum(one.inside for one in covered) / len(covered)
-    poor = tell_coverage(covered, console)
-    if not poor:
-        console.hint(f"sacha train {root} -o MODEL")
-    return {
-        **summary,
-        "head": {"name": head.name, "n_vertices": head.n_vertices, "n_faces": head.n_faces},
-        "coverage": [
-            {
-                "image": one.view.image_path,
-                "timestep": one.view.timestep,
-                "camera_index": one.view.camera_index,
-                "inside": one.inside,
-                "in_image": one.in_image,
-                "mask_area": one.mask_area,
-            }
-            for one in covered
-        ],
-        "coverage_mean": mean,
-        "coverage_worst": worst,
-        "warnings": [f"{one.view.image_path}: {100 * one.inside:.1f} % inside the mask" for one in poor],
-    }
-
-
-def tell_coverage(covered: Sequence[Coverage], console: Console) -> list[Coverage]:
-    """Say how much of the tracked head lies where it is seen; give the views where too little of it does."""
-    worst = min(covered, key=lambda one: one.inside)
-    mean = sum(one.inside for one in covered) / len(covered)
-    console.say(
-        f"tracking     {100 * mean:.1f} % of the head's vertices lie inside the mask over {len(covered)} views, "
-        f"at worst {100 * worst.inside:.1f} % ({worst.view.image_path.name})"
-    )
-    poor = [one for one in covered if one.inside < ENOUGH_COVERED]
-    if poor:
-        console.say(
-            f"warning      {len(poor)} of {len(covered)} views show the head elsewhere than tracked (under "
-            f"{100 * ENOUGH_COVERED:.0f} %): wrong head, wrong cameras, or a lost track"
-        )
-    return poor
-
-
-def summarise(capture: Capture) -> dict[str, Any]:
-    """Count what a capture has."""
-    splits: dict[str, tuple[View, ...]] = {"train": capture.train, "val": capture.val, "test": capture.test}
-    everything = [view for views in splits.values() for view in views]
-    return {
-        "capture": capture.root,
-        "n_images": len(everything),
-        "sizes": sorted({f"{view.camera.width}x{view.camera.height}" for view in everything}),
-        "n_timesteps": len(capture.motion),
-        "cameras": sorted({view.camera_index for view in everything}),
-        "splits": {name: len(views) for name, views in splits.items()},
-    }

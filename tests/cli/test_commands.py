@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -364,6 +365,30 @@ def test_doctor_finds_the_head_inside_the_masks(done, capture: Path) -> None:
     assert outcome.report["coverage_worst"] > 0.8
     assert outcome.report["warnings"] == []
     assert "warning" not in outcome.out
+
+
+def test_doctor_draws_the_track_and_names_wrong_cameras(done, call, capture: Path, tmp_path: Path) -> None:
+    outcome = done("doctor", capture, "--picture", tmp_path / "track.png")
+    assert outcome.report["findings"] == []
+    assert "verdict      fit for training" in outcome.out
+    assert (tmp_path / "track.png").stat().st_size > 1000
+    root = tmp_path / "capture"
+    shutil.copytree(capture, root)
+    for path in root.rglob("transforms_*.json"):  # OpenCV's axes, as calibrations come
+        told = json.loads(path.read_text())
+        for frame in told["frames"]:
+            frame["transform_matrix"] = (np.array(frame["transform_matrix"]) * [1, -1, -1, 1]).tolist()
+        path.write_text(json.dumps(told))
+    wrong = call("doctor", root)
+    assert wrong.status == 1
+    assert "if cameras are camera to world in OpenCV's axes" in wrong.out
+    assert "verdict      not fit for training: 1 error" in wrong.out
+    assert "Traceback" not in wrong.err
+
+
+def test_doctor_says_what_a_folder_is_that_is_no_capture(refused, tmp_path: Path) -> None:
+    (tmp_path / "tracked_flame_params_30.npz").touch()
+    assert "VHAP's export_as_nerf_dataset.py" in refused("doctor", tmp_path)
 
 
 def test_one_side_alone_would_squeeze(refused, capture, model, tmp_path):
