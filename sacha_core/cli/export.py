@@ -8,14 +8,14 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource, MaybeFloat
+from sacha_core.cli.common import Common, FileOption, HeadSource, MaybeFloat, MaybeText
 from sacha_core.cli.console import Console
 
 __all__ = ["INPUTS", "FormatName", "Options", "run"]
 
-INPUTS = ("avatar", "motion")
+INPUTS = ("avatar", "motion", "texture")
 
-FormatName = Literal["ply", "gltf-splats", "spz"]
+FormatName = Literal["ply", "gltf-splats", "spz", "gltf-head", "gaussian-avatars"]
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,8 @@ class Options:
     """Write an avatar in the formats of other programs.
 
     ply: Gaussians in the world as 3D Gaussian Splatting has them, which every splat viewer opens. gltf-splats: the same as a .glb with the
-    extension KHR_gaussian_splatting. spz: the same as Niantic's SPZ, by the program splat-transform.
+    extension KHR_gaussian_splatting. spz: the same as Niantic's SPZ, by the program splat-transform. gltf-head: the head's mesh as a plain
+    .glb, with skin, blend shapes and its motion as an animation. gaussian-avatars: a model folder as their viewer opens it.
 
     sacha export a.sacha --format ply --frames 12 -o frame.ply
 
@@ -39,8 +40,13 @@ class Options:
     format: FormatName = "ply"
     """What to write, see above."""
 
-    frames: Annotated[str, tyro.conf.arg(metavar="FRAMES")] = "0"
+    frames: Annotated[MaybeText, tyro.conf.arg(metavar="FRAMES", help_behavior_hint="(default: 0; gltf-head all)")] = (
+        None
+    )
     """One frame (12), or a slice as in Python (0:100, ::2, all of them with a lone colon)."""
+
+    texture: FileOption = None
+    """With gltf-head: a PNG for the skin, by the head's texture coordinates, instead of the map of its regions."""
 
     y_down: bool = False
     """Turn a PLY over: for viewers that take it for y down, as 3D Gaussian Splatting's scenes are."""

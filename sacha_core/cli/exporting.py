@@ -8,15 +8,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sacha_core.animation.standing import Standing
 from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.avatar.motion import Motion
 from sacha_core.cli.console import Console, kilobytes
+from sacha_core.cli.decode import ITERATION
 from sacha_core.cli.render import frame_range
 from sacha_core.cli.sources import Opened
-from sacha_core.errors import OptionError
+from sacha_core.errors import FormatError, OptionError
 from sacha_core.evaluate.peers.peer import enlarged
 from sacha_core.evaluate.peers.splat_transform import lacking, transform
 from sacha_core.files import write_aside
+from sacha_core.flame.teeth import is_flame
+from sacha_core.flame.unwrap import unwrapped
+from sacha_core.interchange.capture import write_head_reference
+from sacha_core.interchange.gaussian_avatars import for_their_viewer, write_model
+from sacha_core.interchange.gltf_head import write_gltf_head
 from sacha_core.interchange.gltf_splats import write_gltf_splats
 from sacha_core.interchange.splat_ply import write_world_ply
 from sacha_core.interchange.y_down import turned_over
@@ -27,6 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FORMATS", "Format", "require_consistent"]
 
+PNG_START = b"\x89PNG\r\n\x1a\n"
 SPZ_ENLARGED = 16.0  # SPZ rounds places to 1/4096 of a unit, a quarter of a millimetre were the unit a metre
 
 
@@ -53,7 +63,7 @@ def require_consistent(options: Options) -> None:
     """
     chosen = FORMATS[options.format]
     usual = type(options)
-    for name in ("frames", "y_down", "enlarge"):
+    for name in ("frames", "y_down", "enlarge", "texture"):
         if getattr(options, name) != getattr(usual, name) and name not in chosen.takes:
             able = " and ".join(sorted(other for other, format_ in FORMATS.items() if name in format_.takes))
             raise OptionError(f"--{name.replace('_', '-')} is for {able}; --format {options.format} has no use for it")
@@ -68,7 +78,7 @@ def each_frame(
 
     def write(opened: Opened, options: Options, console: Console) -> list[Path]:
         standing = Standing(opened.avatar.gaussians, opened.head, opened.avatar.motion)
-        frames = chosen_frames(options.frames, len(standing))
+        frames = chosen_frames(options.frames or "0", len(standing))
         paths = frame_paths(options.output, frames, suffix)
         factor = enlarge if options.enlarge is None else options.enlarge
         for done, (frame, path) in enumerate(zip(frames, paths, strict=True), start=1):
@@ -132,8 +142,56 @@ def write_spz(path: Path, gaussians: Gaussians) -> None:
         aside.write_bytes((Path(name) / "out.spz").read_bytes())
 
 
+def write_head(opened: Opened, options: Options, console: Console) -> list[Path]:
+    """Write the head and its motion as glTF, with the map of its regions on the skin where they are known."""
+    head = unwrapped(opened.head)
+    motion = opened.avatar.motion or Motion.rest(0, head.exprdirs.shape[2], 0)
+    if options.frames is not None:
+        motion = motion.frames(np.array(chosen_frames(options.frames, len(motion))))
+    picture, shown = skin_picture(options)
+    write_gltf_head(options.output, head, motion, motion.frame_rate, picture)
+    size = kilobytes(options.output.stat().st_size)
+    console.wrote("head", options.output, f"{len(motion)} frames, {shown}, {size}")
+    return [options.output]
+
+
+def skin_picture(options: Options) -> tuple[bytes | None, str]:
+    """Give the PNG for a head's skin, and say what it is.
+
+    Raises:
+        FormatError: the named file is no PNG.
+        OSError: it cannot be read.
+    """
+    if options.texture is not None:
+        picture = options.texture.read_bytes()
+        if not picture.startswith(PNG_START):
+            raise FormatError(f"{options.texture} is no PNG, which is what goes onto the skin")
+        return picture, f"skin of {options.texture.name}"
+    return None, "grey skin"
+
+
+def write_their_model(opened: Opened, options: Options, console: Console) -> list[Path]:
+    """Write a model folder for GaussianAvatars' own programs."""
+    motion, head = opened.avatar.motion, opened.head
+    theirs = is_flame(head)
+    if motion is not None and theirs:
+        motion = for_their_viewer(motion)
+    write_head_reference(options.output, opened.avatar.head)
+    folder = write_model(options.output, ITERATION, opened.avatar.gaussians, motion)
+    console.wrote("model", options.output, f"{len(opened.avatar.gaussians):,} Gaussians")
+    if not theirs:
+        console.say(
+            f"note         GaussianAvatars' programs pose FLAME alone, not {head.name!r}; sacha reads the folder as it is"
+        )
+    elif motion is None:
+        console.say("note         GaussianAvatars' programs want a motion, too: --motion FILE puts one in")
+    return [path for path in sorted(folder.iterdir()) if path.is_file()]
+
+
 FORMATS = {
     "ply": each_frame(".ply", write_world_ply, ("y_down",)),
     "gltf-splats": each_frame(".glb", write_gltf_splats),
     "spz": each_frame(".spz", write_spz, enlarge=SPZ_ENLARGED),
+    "gltf-head": Format(write_head, ("frames", "texture")),
+    "gaussian-avatars": Format(write_their_model),
 }

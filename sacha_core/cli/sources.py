@@ -19,7 +19,7 @@ from sacha_core.flame.open import attach_masks, open_head
 from sacha_core.flame.posing import Poser
 from sacha_core.flame.shelf import find_head, remember
 from sacha_core.interchange.capture import Capture, read_head_reference
-from sacha_core.interchange.gaussian_avatars import read_model
+from sacha_core.interchange.gaussian_avatars import fitted_offsets, read_model
 from sacha_core.interchange.motion_file import read_motion
 from sacha_core.interchange.splat_ply import read_bound_ply
 
@@ -114,7 +114,7 @@ def open_motion(path: Path, head: HeadModel) -> Motion:
         FormatError: the file holds no motion, or one of no frames.
         HeadError: the head cannot move so: it lacks components or vertices that the motion uses.
     """
-    motion = read_motion(path, head)
+    motion = fitted_offsets(read_motion(path, head), head.n_vertices)
     if len(motion) == 0:
         raise FormatError(f"{path} holds a motion of no frames")
     try:
@@ -149,7 +149,8 @@ def _bound(path: Path, gaussians: Gaussians, head: HeadModel, motion: Motion | N
     """Make an avatar whose bindings all lie on its head."""
     with naming(path):
         gaussians.validate(head.n_faces)
-    return Avatar(gaussians, head.reference, motion)
+    fitted = None if motion is None else fitted_offsets(motion, head.n_vertices)
+    return Avatar(gaussians, head.reference, fitted)
 
 
 def _named(source: HeadSource, otherwise: str) -> HeadModel:

@@ -21,7 +21,7 @@ from sacha_core.avatar.motion import DYNAMIC_WIDTHS, Motion
 from sacha_core.errors import DatasetError, FormatError
 from sacha_core.files import write_aside
 from sacha_core.flame.model import HeadReference
-from sacha_core.interchange.gaussian_avatars import read_flame_param
+from sacha_core.interchange.gaussian_avatars import THEIR_VERTICES, fitted_offsets, read_flame_param
 from sacha_core.interchange.transforms import FrameRecord, read_transforms
 from sacha_core.raster.camera import Camera
 
@@ -165,6 +165,7 @@ def read_capture(root: str | os.PathLike[str]) -> Capture:
     sizes: dict[Path, tuple[int, int]] = {}
     views = {split: tuple(checked_view(folder, record, sizes) for record in records[split]) for split in SPLITS}
     head, head_path = read_head_reference(folder)
+    motion = fitted_offsets(motion, THEIR_VERTICES if head is None else head.n_vertices)
     return Capture(folder, head, head_path, motion, views["train"], views["val"], views["test"])
 
 

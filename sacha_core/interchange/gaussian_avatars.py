@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+from argparse import Namespace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +13,14 @@ import numpy as np
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import DYNAMIC_WIDTHS, Motion
 from sacha_core.errors import FormatError
+from sacha_core.files import write_aside
+from sacha_core.flame.teeth import FLAME_VERTICES, N_TEETH_VERTICES
 from sacha_core.interchange.splat_ply import read_bound_ply, write_bound_ply
 from sacha_core.npz import as_float32, read_npz, write_npz
 
 __all__ = [
+    "fitted_offsets",
+    "for_their_viewer",
     "model_iterations",
     "motion_from_arrays",
     "read_flame_param",
@@ -34,7 +40,14 @@ KEYS = {
 DYNAMIC_OFFSET = "dynamic_offset"  # allocated by GaussianAvatars and never used: not read, and written as zeros for it
 FRAME_RATE = "frame_rate"  # ours, and ignored by others; left out where it is the usual one
 USUAL_FRAME_RATE = 25.0
-PLY_NAME, PARAMETERS_NAME = "point_cloud.ply", "flame_param.npz"
+PLY_NAME, PARAMETERS_NAME, ARGUMENTS_NAME = "point_cloud.ply", "flame_param.npz", "cfg_args"
+THEIR_VERTICES = FLAME_VERTICES + N_TEETH_VERTICES  # GaussianAvatars' head always has teeth
+THEIR_SHAPE, THEIR_EXPRESSION = 300, 100
+ARGUMENTS: dict[str, object] = {  # of GaussianAvatars' training, as its programs read them back
+    "bind_to_mesh": True, "data_device": "cuda", "disable_flame_static_offset": False, "eval": True, "images": "images", "model_path": "",
+    "not_finetune_flame_params": False, "resolution": -1, "select_camera_id": -1, "sh_degree": 3, "source_path": "", "target_path": "",
+    "white_background": True,
+}  # fmt: skip
 
 
 def read_flame_param(path: str | os.PathLike[str]) -> Motion:
@@ -107,6 +120,28 @@ def write_flame_param(path: str | os.PathLike[str], motion: Motion, *, dynamic_o
     write_npz(path, arrays, compress=dynamic_offset)
 
 
+def fitted_offsets(motion: Motion, n_vertices: int) -> Motion:
+    """Give a motion whose personal offsets fit FLAME's head with GaussianAvatars' teeth or without, whichever has so many vertices.
+
+    The teeth are the last vertices. Offsets that lack them are given zeros, as GaussianAvatars does; offsets that have them lose them.
+    """
+    offset = motion.static_offset
+    if {len(offset), n_vertices} != {FLAME_VERTICES, THEIR_VERTICES}:
+        return motion
+    fitted = np.zeros((n_vertices, 3), offset.dtype)
+    fitted[:FLAME_VERTICES] = offset[:FLAME_VERTICES]
+    return replace(motion, static_offset=fitted)
+
+
+def for_their_viewer(motion: Motion) -> Motion:
+    """Give a motion of FLAME with as many numbers as GaussianAvatars' programs insist on; those added are zeros."""
+    offset = motion.static_offset if len(motion.static_offset) else np.zeros((FLAME_VERTICES, 3), np.float32)
+    shape = np.pad(motion.shape, (0, max(THEIR_SHAPE - len(motion.shape), 0)))
+    expression = np.pad(motion.expression, ((0, 0), (0, max(THEIR_EXPRESSION - motion.expression.shape[1], 0))))
+    wide = replace(motion, shape=shape, static_offset=offset, expression=expression)
+    return fitted_offsets(wide, THEIR_VERTICES)
+
+
 def model_iterations(folder: str | os.PathLike[str]) -> dict[int, Path]:
     """List the iterations of a trained model that hold Gaussians, ascending, with their folders."""
     found = {}
@@ -155,9 +190,15 @@ def write_model(
 ) -> Path:
     """Write a trained model as GaussianAvatars lays it out, and give the folder of the iteration.
 
+    The arguments of a training are written where there are none: `render.py` of GaussianAvatars wants them.
+
     Raises:
         OSError: a file cannot be written.
     """
+    arguments = Path(folder) / ARGUMENTS_NAME
+    if not arguments.exists():
+        with write_aside(arguments) as aside:
+            aside.write_text(repr(Namespace(**ARGUMENTS)), encoding="utf-8")
     place = Path(folder) / "point_cloud" / f"iteration_{iteration}"
     if motion is not None:
         write_flame_param(place / PARAMETERS_NAME, motion, dynamic_offset=True)

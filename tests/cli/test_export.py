@@ -15,6 +15,7 @@ from sacha_core.evaluate.peers.splat_transform import lacking, transform
 from sacha_core.flame.posing import Poser
 from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.geometry.triangle import triangle_frames
+from sacha_core.interchange.gaussian_avatars import read_model
 
 LOG_ERROR = 1e-5  # float32: the logarithm of a product against the sum of logarithms of about 5
 PLY_BYTES = 248  # 62 float32: what viewers and engines insist on, whatever the degree
@@ -107,3 +108,27 @@ def test_spz_comes_back_through_its_own_program(call, done, sacha_file: Path, tm
     near = np.abs(back[:, None] - given[None]).max(axis=2).min(axis=0)  # it may reorder them
     assert len(back) == len(given)
     assert near.max() < 0.75 / 4096
+
+
+def test_a_model_for_gaussian_avatars_comes_back(done, sacha_file: Path, tmp_path: Path) -> None:
+    outcome = done("export", sacha_file, "--format", "gaussian-avatars", "-o", tmp_path / "model")
+    assert "GaussianAvatars' programs pose FLAME alone" in outcome.out  # the tests' head is not FLAME
+    gaussians, motion = read_model(tmp_path / "model")
+    avatar = decode(sacha_file, head=synthetic_head("small"))
+    for name in ("position", "sh_dc", "quaternion", "binding"):
+        np.testing.assert_array_equal(getattr(gaussians, name), getattr(avatar.gaussians, name))
+    np.testing.assert_array_equal(motion.expression, avatar.motion.expression)
+    assert done("inspect", sacha_file).status == 0
+    again = tmp_path / "again.sacha"
+    assert done("encode", tmp_path / "model", "--level", "archive", "-o", again).report["n_frames"] == len(motion)
+
+
+def test_a_head_as_gltf(done, refused, sacha_file: Path, tmp_path: Path) -> None:
+    report = done("export", sacha_file, "--format", "gltf-head", "-o", tmp_path / "a.glb").report
+    assert report["bytes"] == (tmp_path / "a.glb").stat().st_size
+    (tmp_path / "a.txt").write_text("no picture")
+    with_text = ("--format", "gltf-head", "--texture", tmp_path / "a.txt", "-o", tmp_path / "b.glb")
+    assert "a.txt is no PNG" in refused("export", sacha_file, *with_text)
+    with_nothing = ("--format", "gltf-head", "--texture", tmp_path / "nowhere.png", "-o", tmp_path / "b.glb")
+    assert "nowhere.png" in refused("export", sacha_file, *with_nothing)
+    assert not (tmp_path / "b.glb").exists()
