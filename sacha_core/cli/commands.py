@@ -37,4 +37,6 @@ COMMANDS = {
     "convert-head": Command("convert_head", "Make a head model from a FLAME pickle or a rig."),
     "doctor": Command("doctor", "Check this installation, or a capture."),
     "scene": Command("scene", None),
+    "splats": Command("splats", None),
+    "bake": Command("bake", None),
 }

@@ -110,7 +110,7 @@ def left_at_level(opened: Opened, source: Path, options: CompareOptions, console
 
     kept, level = options.encoded, options.level
     assert level is not None
-    if kept is not None and kept.is_file() and kept.stat().st_mtime > source.stat().st_mtime:
+    if kept is not None and kept.is_file() and kept.stat().st_mtime > last_change_s(source):
         data = kept.read_bytes()
     else:
         console.report(Progress("encode", 0, 2))
@@ -122,6 +122,12 @@ def left_at_level(opened: Opened, source: Path, options: CompareOptions, console
             with write_aside(kept) as aside:
                 aside.write_bytes(data)
     return decode(data, head=opened.head).gaussians, len(data)
+
+
+def last_change_s(source: Path) -> float:
+    """Give when an avatar's file, or the file of its folder that changed last, was written: seconds since 1970."""
+    files = [path for path in source.rglob("*") if path.is_file()] if source.is_dir() else [source]
+    return max((path.stat().st_mtime for path in files), default=math.inf)
 
 
 def compared_with(opened: Opened, options: CompareOptions, head: HeadSource) -> Gaussians | None:
@@ -219,7 +225,7 @@ def require_image_name(path: Path) -> None:
         raise OptionError(f"{path}: expected the name of an image, such as {path.stem}.png")
 
 
-def write_image(path: Path, image: UInt8[np.ndarray, "h w 3"]) -> None:
+def write_image(path: Path, image: UInt8[np.ndarray, "h w c"]) -> None:
     """Write an image, whole or not at all.
 
     Raises:

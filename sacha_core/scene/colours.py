@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-__all__ = ["count_legend", "linear_colours", "linear_count_colours"]
+__all__ = ["count_legend", "linear_colours", "linear_count_colours", "srgb_bytes"]
 
 # Grey for none, then from light to dark, so that order can be seen without colour and in print; sRGB.
 NONE = (216, 216, 216)
@@ -23,6 +23,17 @@ def linear_colours(srgb: UInt8[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 4"]:
     encoded = srgb.astype(np.float64) / 255
     linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     return np.concatenate([linear, np.ones_like(linear[:, :1])], axis=1).astype(np.float32)
+
+
+def srgb_bytes(linear: Float[np.ndarray, "n 3"]) -> UInt8[np.ndarray, "n 3"]:
+    """Turn linear light, clipped to 0 to 1, into sRGB bytes: the inverse of `linear_colours`, to the byte.
+
+    Source: IEC 61966-2-1.
+    """
+    light = np.clip(linear.astype(np.float64), 0, 1)
+    encoded = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    srgb: np.ndarray = np.rint(255 * encoded).astype(np.uint8)
+    return srgb
 
 
 def linear_count_colours(count: Int[np.ndarray, " f"]) -> Float[np.ndarray, "f 4"]:
