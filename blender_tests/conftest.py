@@ -122,3 +122,8 @@ def triangles(mesh: bpy.types.Mesh) -> np.ndarray:
     values = np.empty(len(mesh.loops), np.int32)
     mesh.loops.foreach_get("vertex_index", values)
     return values.reshape(-1, 3)
+
+
+def in_blenders_axes(vertices: np.ndarray) -> np.ndarray:
+    """Turn (v, 3) points from the engine's axes to Blender's, written down once more."""
+    return np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=1)

@@ -8,14 +8,10 @@ from types import ModuleType
 import bpy
 import numpy as np
 import pytest
-from conftest import Material, corner_colours, face_attribute, positions, triangles
+from conftest import Material, corner_colours, face_attribute, in_blenders_axes, positions, triangles
 
 COLOUR_ERROR = 1e-6  # the test decodes sRGB in double precision, the engine stores float32
 POSITION_ERROR_M = 1e-7  # an OBJ holds nine decimal digits, which bring back every float32 but for its last bit
-
-
-def in_blenders_axes(vertices: np.ndarray) -> np.ndarray:
-    return np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=1)
 
 
 def srgb_decoded(srgb: np.ndarray) -> np.ndarray:

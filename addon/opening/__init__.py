@@ -3,6 +3,6 @@
 
 from __future__ import annotations
 
-from . import menu, open_file
+from . import controls, menu, open_file
 
-PARTS = (open_file, menu)
+PARTS = (controls, open_file, menu)

@@ -12,11 +12,12 @@ from bpy_extras.io_utils import ImportHelper
 from .. import bridge, engine, preferences, running, sources
 from ..job import Job
 from ..seeing import shown as showing
+from . import cameras, rigging
 from .scene_folder import SceneFolder, read_scene_folder
 
 __all__ = ["CLASSES", "SUFFIXES"]
 
-SUFFIXES = (".sacha", ".npz", ".pkl", ".ply", ".obj")
+SUFFIXES = (".sacha", ".npz", ".pkl", ".ply", ".obj", ".glb", ".gltf")
 
 
 class SachaOpen(bpy.types.Operator, ImportHelper):
@@ -54,8 +55,8 @@ class SachaOpen(bpy.types.Operator, ImportHelper):
 
         def finish(job: Job) -> str:
             opened = read_scene_folder(job.folder / "scene")
-            show(context, opened, source)
-            for note in opened.notes:
+            _, notes = show(context, opened, source)
+            for note in (*opened.notes, *notes):
                 self.report({"WARNING"}, note)
             return f"Opened {source.name}: {', '.join(opened.facts)}"
 
@@ -70,12 +71,17 @@ class SachaOpen(bpy.types.Operator, ImportHelper):
     cancel = running.cancel
 
 
-def show(context: bpy.types.Context, opened: SceneFolder, source: Path) -> bpy.types.Object:
-    """Put an opened file into the scene, as the active object.
+def show(context: bpy.types.Context, opened: SceneFolder, source: Path) -> tuple[bpy.types.Object, list[str]]:
+    """Put an opened file into the scene, as the active object, with its controls, its motion and its cameras.
+
+    Returns:
+        The mesh, and notes for the user.
 
     Raises:
         ValueError: Blender cannot hold its triangles.
     """
+    if context.object is not None and context.object.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")  # joints are made in a mode that only one object at a time can be in
     mesh = bridge.new_mesh(opened.name, opened.vertices, opened.faces)
     if opened.uv is not None:
         bridge.texture_coordinates(mesh, "uv", opened.uv)
@@ -86,12 +92,15 @@ def show(context: bpy.types.Context, opened: SceneFolder, source: Path) -> bpy.t
 
     shown = bpy.data.objects.new(opened.name, mesh)
     context.collection.objects.link(shown)
+    notes = rigging.rig_up(context, shown, opened)
+    if "cameras" in opened.parts:
+        notes += cameras.add_cameras(context, opened.name, opened.parts["cameras"])
     for other in context.selected_objects:
         other.select_set(False)
     shown.select_set(True)
     context.view_layer.objects.active = shown
     _show_colours_in_views(context)
-    return shown
+    return shown, notes
 
 
 def _describe(shown: showing.SachaShown, opened: SceneFolder, source: Path) -> None:

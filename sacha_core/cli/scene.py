@@ -25,7 +25,7 @@ class Options:
     """Lay out an avatar or a head as arrays, with the region and the number of Gaussians of each triangle."""
 
     file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]
-    """An avatar (.sacha, a PLY of bound Gaussians, a model folder), a head model (.npz, .pkl) or a head's mesh (.obj, .ply)."""
+    """An avatar (.sacha, a PLY of bound Gaussians, a model folder), a capture, a head (.npz, .pkl) or a mesh (.obj, .ply, .glb)."""
 
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
     """Where the arrays go."""
@@ -63,19 +63,30 @@ def open_scene(path: Path, source: HeadSource) -> Scene:
         SachaError: the file is damaged, or its head is missing or another one.
         OSError: it cannot be read.
     """
-    from sacha_core.cli.sources import named_head, open_avatar
+    from sacha_core.cli.sources import capture_head, named_head, open_avatar, with_coordinates
     from sacha_core.flame.open import open_head
-    from sacha_core.interchange.head_mesh import read_head_mesh
-    from sacha_core.scene.contents import scene_of_avatar, scene_of_head, scene_of_mesh
+    from sacha_core.interchange.capture import is_capture, read_capture
+    from sacha_core.interchange.head_mesh import SUFFIXES, read_head_mesh
+    from sacha_core.scene.contents import scene_of_avatar, scene_of_capture, scene_of_head, scene_of_mesh
 
     suffix = path.suffix.lower()
+    if path.is_dir() and is_capture(path):
+        capture = read_capture(path)
+        return scene_of_capture(path.name, capture, with_coordinates(capture_head(capture, source)))
     if suffix in {".npz", ".pkl"}:
-        return scene_of_head(open_head(str(path), masks=source.masks))
-    if suffix == ".obj" or (suffix == ".ply" and not _holds_gaussians(path)):
-        return scene_of_mesh(path.stem, read_head_mesh(path), named_head(source))
-    opened = open_avatar(path, source)
-    scene = scene_of_avatar(path.stem, opened.avatar, opened.head)
+        return scene_of_head(with_coordinates(open_head(str(path), masks=source.masks)))
+    if suffix in SUFFIXES and not (suffix == ".ply" and _holds_gaussians(path)):
+        named = named_head(source)
+        return scene_of_mesh(path.stem, read_head_mesh(path), None if named is None else with_coordinates(named))
+    opened = open_avatar(_of_model(path), source)
+    scene = scene_of_avatar(path.stem, opened.avatar, with_coordinates(opened.head))
     return replace(scene, facts=[*scene.facts, kilobytes(path.stat().st_size)]) if path.is_file() else scene
+
+
+def _of_model(path: Path) -> Path:
+    """Give the folder of a trained model's iteration for its Gaussians' PLY: its motion and the name of its head lie around it."""
+    is_of_model = path.name == "point_cloud.ply" and path.parent.parent.name == "point_cloud"
+    return path.parent if is_of_model else path
 
 
 def _holds_gaussians(path: Path) -> bool:

@@ -17,13 +17,23 @@ from sacha_core.errors import FormatError, HeadError, MissingHeadError, SachaErr
 from sacha_core.flame.model import HeadModel, HeadReference
 from sacha_core.flame.open import attach_masks, open_head
 from sacha_core.flame.posing import Poser
-from sacha_core.flame.shelf import find_head, remember
+from sacha_core.flame.shelf import find_head, remember, unwrapped_once
+from sacha_core.flame.unwrap import unwrapped
 from sacha_core.interchange.capture import Capture, read_head_reference
 from sacha_core.interchange.gaussian_avatars import fitted_offsets, read_model
 from sacha_core.interchange.motion_file import read_motion
 from sacha_core.interchange.splat_ply import read_bound_ply
 
-__all__ = ["Opened", "capture_head", "decode_file", "keep", "named_head", "open_avatar", "open_motion"]
+__all__ = [
+    "Opened",
+    "capture_head",
+    "decode_file",
+    "keep",
+    "named_head",
+    "open_avatar",
+    "open_motion",
+    "with_coordinates",
+]
 
 
 @dataclass(frozen=True)
@@ -107,6 +117,17 @@ def keep(head: HeadModel) -> None:
         sys.stderr.write(f"warning: head {head.name!r} is not kept for later: {one_line(error)}\n")
 
 
+def with_coordinates(head: HeadModel) -> HeadModel:
+    """Give a head with texture coordinates; those made for one that has none are kept for later, which saves seconds."""
+    if head.uv is not None:
+        return head
+    try:
+        return unwrapped_once(head)
+    except (SachaError, OSError) as error:
+        sys.stderr.write(f"warning: texture coordinates of {head.name!r} are not kept for later: {one_line(error)}\n")
+        return unwrapped(head)
+
+
 def open_motion(path: Path, head: HeadModel) -> Motion:
     """Read a motion for a head: FLAME parameters, or weights of a rig's blend shapes.
 
@@ -134,7 +155,8 @@ def _open_sacha(path: Path, source: HeadSource) -> Opened:
 
 def _open_model(path: Path, source: HeadSource) -> Opened:
     gaussians, motion = read_model(path)
-    reference, beside = read_head_reference(path)
+    is_iteration = path.parent.name == "point_cloud"
+    reference, beside = read_head_reference(path.parents[1] if is_iteration else path)
     head = _found(reference, source, beside, None) if reference else _named(source, f"{path} has no head.json")
     return Opened(_bound(path, gaussians, head, motion), head, "model")
 

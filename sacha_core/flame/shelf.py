@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 from sacha_core.errors import HeadError, MissingHeadError, TopologyError
@@ -10,8 +11,10 @@ from sacha_core.flame.head_file import load_head, save_head
 from sacha_core.flame.model import HeadModel, HeadReference
 from sacha_core.flame.open import open_head, open_synthetic
 from sacha_core.flame.teeth import FLAME_VERTICES
+from sacha_core.flame.unwrap import unwrapped
+from sacha_core.npz import read_npz, write_npz
 
-__all__ = ["find_head", "remember", "shelf_folder"]
+__all__ = ["find_head", "remember", "shelf_folder", "unwrapped_once"]
 
 VARIABLE = "SACHA_HEADS"
 
@@ -85,6 +88,26 @@ def find_head(
         f"head {reference.name!r} ({reference.n_vertices} vertices, {reference.n_faces} triangles, SHA-256 {reference.sha256[:12]}...)"
         f" is neither in the file nor in {shelf_folder()}; name it with --head FILE"
     )
+
+
+def unwrapped_once(head: HeadModel) -> HeadModel:
+    """Give a head with texture coordinates, made at most once: they are kept beside the user's heads.
+
+    Raises:
+        FormatError: the file in which they are kept is damaged.
+        HeadError: it is of another head.
+        OSError: the folder cannot be read or written.
+    """
+    path = shelf_folder() / f"{head.reference.sha256}.uv.npz"
+    if path.is_file():
+        kept = read_npz(path)
+        found = replace(head, uv=kept.get("uv"), uv_faces=kept.get("uv_faces"))
+        found.validate()
+        return found
+    made = unwrapped(head)
+    if made.uv is not None and made.uv_faces is not None:
+        write_npz(path, {"uv": made.uv, "uv_faces": made.uv_faces})
+    return made
 
 
 def _same(reference: HeadReference, head: HeadModel, where: str) -> HeadModel:

@@ -25,7 +25,7 @@ from sacha_core.interchange.gaussian_avatars import THEIR_VERTICES, fitted_offse
 from sacha_core.interchange.transforms import FrameRecord, read_transforms
 from sacha_core.raster.camera import Camera
 
-__all__ = ["Capture", "View", "read_capture", "write_head_reference"]
+__all__ = ["Capture", "View", "is_capture", "read_capture", "write_head_reference"]
 
 SPLITS = ("train", "val", "test")
 CANONICAL = "canonical_flame_param.npz"
@@ -167,6 +167,11 @@ def read_capture(root: str | os.PathLike[str]) -> Capture:
     head, head_path = read_head_reference(folder)
     motion = fitted_offsets(motion, THEIR_VERTICES if head is None else head.n_vertices)
     return Capture(folder, head, head_path, motion, views["train"], views["val"], views["test"])
+
+
+def is_capture(root: Path) -> bool:
+    """Tell a capture's folder from others: it has the frames to train on, or a union folder that has."""
+    return (root / "transforms_train.json").is_file() or any(root.glob("UNION*/transforms_train.json"))
 
 
 def capture_folder(root: Path) -> Path:

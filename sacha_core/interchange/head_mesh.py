@@ -1,6 +1,7 @@
-"""A head's mesh as other programs write it, OBJ or PLY: vertices and triangles in the file's own order, which is what binding needs.
+"""A head's mesh as other programs write it, OBJ, PLY or glTF: vertices and triangles in the file's own order, which is what binding needs.
 
-Mesh libraries split vertices at texture seams and drop those that no triangle uses, so OBJ is read here; PLY has neither trap.
+Mesh libraries split vertices at texture seams and drop those that no triangle uses, so OBJ is read here; PLY has neither trap. glTF itself
+keeps a vertex for each of its texture coordinates: who knows the head's triangles can join them again (`sacha_core.scene.topology`).
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from jaxtyping import Float, Int
 from sacha_core.errors import FormatError
 from sacha_core.npz import as_float32
 
-__all__ = ["HeadMesh", "read_head_mesh"]
+__all__ = ["SUFFIXES", "HeadMesh", "read_head_mesh"]
 
 MAX_INDEX = 2**31 - 1
 
@@ -35,7 +36,9 @@ class HeadMesh:
 
 
 def read_head_mesh(path: Path) -> HeadMesh:
-    """Read the vertices and triangles of an `.obj` or `.ply` file; polygons are cut into fans.
+    """Read the vertices and triangles of an `.obj`, `.ply`, `.glb` or `.gltf` file; polygons are cut into fans.
+
+    Of a glTF scene it is the mesh with the most triangles, where its node puts it.
 
     Raises:
         FormatError: it is no such file, has no triangle, an index out of range, or a coordinate that is not finite.
@@ -102,4 +105,20 @@ def _read_ply(path: Path) -> HeadMesh:
         raise FormatError(f"{path.name} is no PLY mesh: {error}") from error
 
 
-READERS = {".obj": _read_obj, ".ply": _read_ply}
+def _read_gltf(path: Path) -> HeadMesh:
+    """Read the largest mesh of a glTF scene by trimesh, untouched but for its node's place."""
+    import trimesh  # noqa: PLC0415  (heavy, and rarely needed)
+
+    try:
+        scene: Any = trimesh.load_scene(path, process=False)
+        meshes = [mesh for mesh in scene.dump(concatenate=False) if hasattr(mesh, "faces")]
+        largest = max(meshes, key=lambda mesh: len(mesh.faces))
+        return HeadMesh(as_float32(np.array(largest.vertices, np.float64)), np.array(largest.faces, np.int32))
+    except OSError:
+        raise
+    except Exception as error:  # hostile bytes can make a foreign reader raise anything
+        raise FormatError(f"{path.name} is no glTF with a mesh: {error}") from error
+
+
+READERS = {".obj": _read_obj, ".ply": _read_ply, ".glb": _read_gltf, ".gltf": _read_gltf}
+SUFFIXES = tuple(READERS)

@@ -8,16 +8,22 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.avatar.avatar import Avatar
-from sacha_core.errors import HeadError, TopologyError
+from sacha_core.avatar.motion import Motion
+from sacha_core.errors import HeadError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import person_template
+from sacha_core.interchange.capture import Capture
 from sacha_core.interchange.head_mesh import HeadMesh
 from sacha_core.regions.labels import label_triangles
 from sacha_core.regions.scheme import PAPER, RegionScheme, find_scheme
+from sacha_core.scene.animation import Animation, animation_of
+from sacha_core.scene.cameras import Cameras, cameras_of
 from sacha_core.scene.colours import count_legend, linear_colours, linear_count_colours
+from sacha_core.scene.rig import Rig, rig_of
+from sacha_core.scene.topology import as_the_heads
 from sacha_core.scene.view import View
 
-__all__ = ["Scene", "scene_of_avatar", "scene_of_head", "scene_of_mesh"]
+__all__ = ["Scene", "scene_of_avatar", "scene_of_capture", "scene_of_head", "scene_of_mesh"]
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,9 @@ class Scene:
         views: by name, "region" and "count".
         facts: lines that say what it is.
         notes: lines that say what is missing and how to give it.
+        rig: the controls of the head; None where the mesh is of no known head.
+        animation: the motion, as values of the controls; None where there is none.
+        cameras: those of a capture.
     """
 
     name: str
@@ -45,18 +54,34 @@ class Scene:
     views: dict[str, View]
     facts: list[str]
     notes: list[str]
+    rig: Rig | None = None
+    animation: Animation | None = None
+    cameras: Cameras | None = None
 
 
 def scene_of_avatar(name: str, avatar: Avatar, head: HeadModel) -> Scene:
     """Show an avatar on its own person's neutral head."""
     count = np.bincount(avatar.gaussians.binding, minlength=head.n_faces).astype(np.int32)
-    vertices = head.v_template if avatar.motion is None else person_template(head, avatar.motion)[0]
+    person = avatar.motion or Motion.rest(0, 0)
+    rig = rig_of(head, person)
     facts = [f"{len(avatar.gaussians):,} Gaussians on {head.n_faces:,} triangles", f"Head: {head.name}"]
     if avatar.motion is not None:
         facts.append(f"{len(avatar.motion):,} frames at {avatar.motion.frame_rate:g} a second")
     views, notes = _region_view(head, find_scheme(avatar.scheme), count)
     views["count"] = View(count, linear_count_colours(count), count_legend(int(count.max(initial=0))))
-    return Scene(name, "avatar", head.name, vertices, head.faces, _corner_uv(head), views, facts, notes)
+    return Scene(
+        name,
+        "avatar",
+        head.name,
+        person_template(head, person)[0],
+        head.faces,
+        _corner_uv(head),
+        views,
+        facts,
+        notes,
+        rig,
+        None if avatar.motion is None else animation_of(avatar.motion, rig),
+    )
 
 
 def scene_of_head(head: HeadModel) -> Scene:
@@ -66,7 +91,27 @@ def scene_of_head(head: HeadModel) -> Scene:
         f"{head.n_vertices:,} vertices, {head.n_faces:,} triangles",
         f"{head.shapedirs.shape[2]} identity and {head.exprdirs.shape[2]} expression components, {len(head.parents)} joints",
     ]
-    return Scene(head.name, "head", head.name, head.v_template, head.faces, _corner_uv(head), views, facts, notes)
+    rig = rig_of(head, Motion.rest(0, 0))
+    return Scene(head.name, "head", head.name, head.v_template, head.faces, _corner_uv(head), views, facts, notes, rig)
+
+
+def scene_of_capture(name: str, capture: Capture, head: HeadModel) -> Scene:
+    """Show a capture: its person's head, how it moves, and the cameras that saw it."""
+    shown, motion = scene_of_head(head), capture.motion
+    rig, cameras = rig_of(head, motion), cameras_of(capture)
+    facts = [
+        f"{len(motion):,} frames at {motion.frame_rate:g} a second, seen by {len(cameras.names)} cameras",
+        f"Head: {head.name}",
+    ]
+    return replace(
+        shown,
+        name=name,
+        vertices=person_template(head, motion)[0],
+        facts=facts,
+        rig=rig,
+        animation=animation_of(motion, rig),
+        cameras=cameras,
+    )
 
 
 def scene_of_mesh(name: str, mesh: HeadMesh, head: HeadModel | None) -> Scene:
@@ -75,20 +120,23 @@ def scene_of_mesh(name: str, mesh: HeadMesh, head: HeadModel | None) -> Scene:
     if head is None:
         note = "The regions of a mesh are those of the head whose triangles it has: name that head"
         return Scene(name, "mesh", "", mesh.vertices, mesh.faces, None, {}, facts, [note])
+    mesh = as_the_heads(name, mesh, head)
     n_faces = len(mesh.faces)
-    if n_faces not in {head.n_faces, head.n_faces - head.n_teeth_faces} or not np.array_equal(
-        mesh.faces, head.faces[:n_faces]
-    ):
-        raise TopologyError(
-            f"mesh {name!r} with {n_faces} triangles does not have those of head {head.name!r} with {head.n_faces}, in its order"
-        )
     views, notes = _region_view(head)
     views = {
         key: replace(view, values=view.values[:n_faces], colours=view.colours[:n_faces]) for key, view in views.items()
     }
     uv = _corner_uv(head)
     uv = None if uv is None else uv[:n_faces]
-    return Scene(name, "mesh", head.name, mesh.vertices, mesh.faces, uv, views, facts, notes)
+    rig = rig_of(head, _person(mesh, head), len(mesh.vertices))
+    return Scene(name, "mesh", head.name, mesh.vertices, mesh.faces, uv, views, facts, notes, rig)
+
+
+def _person(mesh: HeadMesh, head: HeadModel) -> Motion:
+    """Give the person whose neutral head a mesh is."""
+    offset = np.zeros((head.n_vertices, 3), np.float32)
+    offset[: len(mesh.vertices)] = mesh.vertices - head.v_template[: len(mesh.vertices)]
+    return replace(Motion.rest(0, 0), static_offset=offset)
 
 
 def _region_view(

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The controls of a head, kept with its mesh, and what they are set to in the engine's terms."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from bpy.props import CollectionProperty, FloatProperty, IntProperty, PointerProperty
+from mathutils import Matrix
+
+from .. import bridge
+from .armature import PIVOT
+from .scene_folder import Part
+
+__all__ = ["CLASSES", "SHAPE", "armature_of", "attach", "describe", "detach", "motion_frame", "read"]
+
+SHAPE = "sacha_shape"  # property of a mesh: the identity coefficients of its person
+RIGID_ERROR = 1e-4  # scale of an object's matrix, as far as hands and rounding make it
+
+
+class SachaExpression(bpy.types.PropertyGroup):
+    """One expression; `name` is that of its shape key."""
+
+    scale: FloatProperty(default=1.0, description="The coefficient that a value of 1 stands for")
+
+
+class SachaRig(bpy.types.PropertyGroup):
+    """The controls of a head, kept with its mesh."""
+
+    expressions: CollectionProperty(type=SachaExpression)
+    n_frames: IntProperty(description="Frames of the motion that it was opened with; 0 for none")
+    first_frame: FloatProperty(description="Frame of the scene at which the motion's first frame lies")
+    frame_step: FloatProperty(default=1.0, description="Frames of the scene from one frame of the motion to the next")
+
+
+CLASSES = (SachaExpression, SachaRig)
+
+
+def attach() -> None:
+    """Give meshes what their controls are."""
+    bpy.types.Mesh.sacha_rig = PointerProperty(type=SachaRig)
+
+
+def detach() -> None:
+    """Take it away again."""
+    del bpy.types.Mesh.sacha_rig
+
+
+def describe(mesh: bpy.types.Mesh, rig: Part) -> None:
+    """Keep with a mesh what is needed to read its controls."""
+    for name, scale in zip(rig.values["names"], rig.arrays["scales"].tolist(), strict=True):
+        expression = mesh.sacha_rig.expressions.add()
+        expression.name, expression.scale = name, scale
+    mesh[SHAPE] = rig.arrays["shape"].astype(np.float64).tolist()
+
+
+def armature_of(shown: bpy.types.Object) -> bpy.types.Object | None:
+    """Give the armature that moves a head; None where it has none."""
+    armatures = [modifier.object for modifier in shown.modifiers if modifier.type == "ARMATURE"]
+    return next((armature for armature in armatures if armature is not None), None)
+
+
+def motion_frame(shown: bpy.types.Object, scene: bpy.types.Scene) -> int | None:
+    """Give the frame of the motion that is nearest to the scene's current one; None where the head came without motion."""
+    rig = shown.data.sacha_rig
+    if not rig.n_frames:
+        return None
+    frame = round((scene.frame_current_final - rig.first_frame) / rig.frame_step)
+    return min(max(frame, 0), rig.n_frames - 1)
+
+
+def read(shown: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> dict[str, np.ndarray]:
+    """Read what the controls are set to, as evaluated, by hand, keys or drivers.
+
+    Args:
+        shown: the mesh of a head that was opened here.
+        depsgraph: evaluated at the frame.
+
+    Returns:
+        FLAME parameters of one frame in the engine's axes: `expression` (e,), `rotation`, `neck`, `jaw` (3,), `eyes` (6,) axis-angle in
+        radians, `translation` (3,) metres, and `shape` (s,) of the person. Where the objects stand is part of rotation and translation.
+
+    Raises:
+        ValueError: the head has lost its armature, a joint or an expression, or its object is scaled.
+    """
+    armature, keys = armature_of(shown), shown.data.shape_keys
+    if armature is None or keys is None:
+        raise ValueError(f"{shown.name} has no controls: open its file again")
+    blocks = keys.evaluated_get(depsgraph).key_blocks
+    missing = [item.name for item in shown.data.sacha_rig.expressions if item.name not in blocks]
+    if missing:
+        raise ValueError(f"{shown.name} has lost its shape key {missing[0]!r}: open its file again")
+    expression = [blocks[item.name].value * item.scale for item in shown.data.sacha_rig.expressions]
+    evaluated = armature.evaluated_get(depsgraph)
+    bones = evaluated.pose.bones
+    if "root" not in bones:
+        raise ValueError(f"{armature.name} has lost its joint 'root': open the head's file again")
+    rotation, translation = _placed(evaluated, bones["root"])
+    turns = {joint: np.array(_turn(bones, joint)) for joint in ("neck", "jaw", "left_eye", "right_eye")}
+    return {
+        "shape": np.array(shown.data.get(SHAPE, []), np.float32),
+        "expression": np.array(expression, np.float32),
+        "rotation": rotation.astype(np.float32),
+        "neck": turns["neck"].astype(np.float32),
+        "jaw": turns["jaw"].astype(np.float32),
+        "eyes": np.concatenate([turns["left_eye"], turns["right_eye"]]).astype(np.float32),
+        "translation": translation.astype(np.float32),
+    }
+
+
+def _turn(bones: bpy.types.bpy_prop_collection, joint: str) -> tuple[float, ...]:
+    """Give the rotation vector of a joint relative to its parent; zero where a rig has no such joint."""
+    if joint not in bones:
+        return (0.0, 0.0, 0.0)
+    return tuple(_local(bones[joint]).to_quaternion().to_exponential_map())
+
+
+def _local(bone: bpy.types.PoseBone) -> Matrix:
+    """Give a bone's pose relative to its parent and its rest, whatever brought it about."""
+    parent = bone.parent
+    if parent is None:
+        return bone.bone.matrix_local.inverted() @ bone.matrix
+    rest = parent.bone.matrix_local.inverted() @ bone.bone.matrix_local
+    return rest.inverted() @ parent.matrix.inverted() @ bone.matrix
+
+
+def _placed(armature: bpy.types.Object, root: bpy.types.PoseBone) -> tuple[np.ndarray, np.ndarray]:
+    """Give rotation vector and translation of the root joint in the world."""
+    world = armature.matrix_world
+    if max(abs(side - 1) for side in world.to_scale()) > RIGID_ERROR:
+        raise ValueError(f"{armature.name} is scaled, which no head's parameters can say: set its scale to 1")
+    rest = root.bone.matrix_local
+    joint = rest @ root.constraints[PIVOT].offset if PIVOT in root.constraints else rest.translation
+    moved = world @ root.matrix @ rest.inverted()
+    turned = rest.to_3x3().inverted() @ moved.to_3x3() @ rest.to_3x3()
+    translation = bridge.to_engine(np.array([moved @ joint - joint]))[0]
+    return np.array(turned.to_quaternion().to_exponential_map()), translation
