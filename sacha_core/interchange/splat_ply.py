@@ -224,7 +224,9 @@ def _check_properties(dtype: np.dtype[np.void], bound: bool) -> tuple[str, ...]:
             f"no property {', '.join(missing)}; expected {', '.join(needed)}{f', {BINDING}' if bound else ''}"
         )
     if bound and BINDING not in held:
-        raise FormatError(f"no property {BINDING}: these Gaussians are not bound to the triangles of a head")
+        raise FormatError(
+            f"no property {BINDING}: these Gaussians are not bound to the triangles of a head (`sacha bind` does that)"
+        )
     optional = tuple(name for name in (SENSITIVITY,) if bound and name in held)
     for name in (*needed, *optional):
         if held[name].newbyteorder("=") != np.float32:
