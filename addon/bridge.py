@@ -6,6 +6,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from .features import corner_coordinates, counts_corners
+
 __all__ = [
     "corner_colours",
     "face_integers",
@@ -50,6 +52,8 @@ def new_mesh(name: str, vertices: np.ndarray, faces: np.ndarray) -> bpy.types.Me
     mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(faces, np.int32).ravel())
     mesh.polygons.add(len(faces))
     mesh.polygons.foreach_set("loop_start", np.arange(0, faces.size, 3, dtype=np.int32))
+    if counts_corners():
+        mesh.polygons.foreach_set("loop_total", np.full(len(faces), 3, np.int32))
     mesh.update(calc_edges=True)
     mesh.validate()
     kept = len(mesh.polygons)
@@ -76,7 +80,8 @@ def corner_colours(mesh: bpy.types.Mesh, name: str, colours: np.ndarray) -> None
 def texture_coordinates(mesh: bpy.types.Mesh, name: str, uv: np.ndarray) -> None:
     """Store (f, 3, 2) texture coordinates of each triangle's corners as a UV map."""
     layer = mesh.uv_layers.new(name=name)
-    layer.uv.foreach_set("vector", np.ascontiguousarray(uv, np.float32).ravel())
+    coordinates, name_there = corner_coordinates(layer)
+    coordinates.foreach_set(name_there, np.ascontiguousarray(uv, np.float32).ravel())
 
 
 def show_colours(mesh: bpy.types.Mesh, name: str) -> None:

@@ -8,6 +8,7 @@ import bpy
 from . import preferences, running
 from .advice import advice
 from .engine import EngineMissingError
+from .features import draw_progress
 from .telling.box import draw_problem
 from .telling.lines import draw_sentence
 
@@ -40,7 +41,7 @@ class SachaPanel(bpy.types.Panel):
             layout.label(text=running_now.work.title)
             said = running_now.job.said
             text = ", ".join(filter(None, (said.stage or "Starting", said.left)))
-            layout.progress(factor=said.fraction, text=text)
+            draw_progress(layout, said.fraction, text)
             layout.operator("sacha.cancel", icon="CANCEL")
         draw_problem(layout, context)
 

@@ -3,6 +3,6 @@
 
 from __future__ import annotations
 
-from . import controls, menu, open_file
+from . import controls, drop, menu, open_file
 
-PARTS = (controls, open_file, menu)
+PARTS = (controls, open_file, drop, menu)

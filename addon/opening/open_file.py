@@ -126,18 +126,4 @@ def _show_colours_in_views(context: bpy.types.Context) -> None:
             area.spaces.active.shading.color_type = "VERTEX"
 
 
-class SachaDrop(bpy.types.FileHandler):
-    """Opens avatars that are dropped on a 3D view."""
-
-    bl_idname = "SACHA_FH_open"
-    bl_label = "SACHA avatar"
-    bl_import_operator = "sacha.open"
-    bl_file_extensions = ".sacha"
-
-    @classmethod
-    def poll_drop(cls, context: bpy.types.Context) -> bool:
-        """Only a 3D view shows an avatar."""
-        return context.area is not None and context.area.type == "VIEW_3D"
-
-
-CLASSES = (SachaOpen, SachaDrop)
+CLASSES = (SachaOpen,)

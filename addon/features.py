@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What not every Blender has: asked of the Blender that runs, never told from its version."""
+
+from __future__ import annotations
+
+import bpy
+
+__all__ = ["DROPS_FILES", "corner_coordinates", "counts_corners", "draw_progress"]
+
+DROPS_FILES = hasattr(bpy.types, "FileHandler")  # files dropped on a window: since 4.1
+
+
+def counts_corners() -> bool:
+    """Tell whether polygons keep how many corners they have: until 3.5; later that follows from where the next one starts."""
+    return not bpy.types.MeshPolygon.bl_rna.properties["loop_total"].is_readonly
+
+
+def corner_coordinates(layer: bpy.types.MeshUVLoopLayer) -> tuple[bpy.types.bpy_prop_collection, str]:
+    """Give where the texture coordinates of a mesh's corners lie, and under which name: a field of their own since 3.5."""
+    return (layer.uv, "vector") if hasattr(layer, "uv") else (layer.data, "uv")
+
+
+def draw_progress(layout: bpy.types.UILayout, factor: float, text: str) -> None:
+    """Draw a bar; before 4.0, words."""
+    if hasattr(bpy.types.UILayout, "progress"):
+        layout.progress(factor=factor, text=text)
+    else:
+        layout.label(text=f"{factor:.0%}  {text}")
