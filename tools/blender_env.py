@@ -10,12 +10,14 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
-__all__ = ["BLENDERS", "ROOT", "UnavailableError", "environment", "install_all"]
+__all__ = ["BLENDERS", "OLDEST", "ROOT", "UnavailableError", "environment", "executable", "install_all", "required"]
 
 ROOT = Path(__file__).resolve().parents[1]
 BLENDERS = {"4.5": "4.5.15", "5.0": "5.0.1"}  # release: version of the package bpy
+OLDEST = {"4.2": "4.2.23"}  # the oldest that the manifest allows: tested by `make test-all`
 PYTEST = "9.2.0"
 PYTHON_OF_BLENDER = (3, 11)
 
@@ -32,6 +34,8 @@ LIBRARIES = {
     "libEGL.so.1": "libegl1",
 }
 
+EXECUTABLE = ("blender", "python3-numpy")  # Debian's 3.4, and what it needs to run add-ons; for the smoke test
+
 
 class UnavailableError(Exception):
     """What Blender needs is not here and may not be installed; the message says what to do by hand."""
@@ -47,6 +51,21 @@ def missing_packages() -> list[str]:
     return sorted({package for library, package in LIBRARIES.items() if not _loads(library)})
 
 
+def executable() -> str:
+    """Give a Blender executable: the one that SACHA_BLENDER names, the one on the path, or Debian's, which is installed.
+
+    Raises:
+        UnavailableError: there is none and none may be installed.
+    """
+    named = os.environ.get("SACHA_BLENDER") or shutil.which("blender")
+    if named is None:
+        install_packages(list(EXECUTABLE), f"no Blender executable: apt-get install {' '.join(EXECUTABLE)}")
+        named = shutil.which("blender")
+    if named is None or shutil.which(named) is None:
+        raise UnavailableError(f"no Blender executable at {named}" if named else "no Blender executable")
+    return named
+
+
 def install_libraries() -> None:
     """Install the system libraries that are missing, where that is allowed.
 
@@ -56,17 +75,25 @@ def install_libraries() -> None:
     missing = missing_packages() if sys.platform == "linux" else []
     if not missing:
         return
-    by_hand = f"Blender needs system libraries that are missing: apt-get install {' '.join(missing)}"
+    install_packages(missing, f"Blender needs system libraries that are missing: apt-get install {' '.join(missing)}")
+    if missing_packages():
+        raise UnavailableError(f"installed, but not loadable: {' '.join(missing_packages())}")
+
+
+def install_packages(packages: list[str], by_hand: str) -> None:
+    """Install Debian packages, where that is allowed.
+
+    Raises:
+        UnavailableError: it is not, or fails; it says `by_hand`.
+    """
     apt = shutil.which("apt-get")
     if apt is None or os.geteuid() != 0:
         raise UnavailableError(by_hand)
-    print(f"Installing system libraries for Blender: {' '.join(missing)}", flush=True)  # noqa: T201
+    print(f"Installing for the Blender tests: {' '.join(packages)}", flush=True)  # noqa: T201
     quiet = {"env": os.environ | {"DEBIAN_FRONTEND": "noninteractive"}, "stdin": subprocess.DEVNULL}
-    for arguments in (["update", "-qq"], ["install", "-qq", "--yes", "--no-install-recommends", *missing]):
+    for arguments in (["update", "-qq"], ["install", "-qq", "--yes", "--no-install-recommends", *packages]):
         if subprocess.run([apt, *arguments], check=False, **quiet).returncode:  # noqa: S603
             raise UnavailableError(by_hand)
-    if missing_packages():
-        raise UnavailableError(by_hand)
 
 
 def install_blender(release: str) -> None:
@@ -75,7 +102,7 @@ def install_blender(release: str) -> None:
     Raises:
         UnavailableError: this is not Blender's Python, or the installation failed.
     """
-    wanted = [f"bpy=={BLENDERS[release]}", f"pytest=={PYTEST}"]
+    wanted = [f"bpy=={(BLENDERS | OLDEST)[release]}", f"pytest=={PYTEST}"]
     folder = environment(release)
     stamp = folder / "installed.txt"
     if stamp.exists() and stamp.read_text().split() == wanted:
@@ -96,6 +123,11 @@ def install_blender(release: str) -> None:
     stamp.write_text("\n".join(wanted) + "\n")
 
 
+def required() -> bool:
+    """Tell whether a Blender that cannot be had is a failure: with CI or SACHA_REQUIRE_BLENDER set."""
+    return any(os.environ.get(name, "") not in {"", "0"} for name in ("CI", "SACHA_REQUIRE_BLENDER"))
+
+
 def _loads(library: str) -> bool:
     try:
         ctypes.CDLL(library)
@@ -104,14 +136,17 @@ def _loads(library: str) -> bool:
     return True
 
 
-def install_all() -> None:
+def install_all(releases: Iterable[str] = BLENDERS) -> None:
     """Install everything that building and testing the add-on needs.
+
+    Args:
+        releases: the Blenders to test in; those that the add-on is built with are always there.
 
     Raises:
         UnavailableError: something is missing that may not be installed.
     """
     install_libraries()
-    for release in BLENDERS:
+    for release in {**BLENDERS, **dict.fromkeys(releases)}:
         install_blender(release)
 
 
