@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from .. import bridge
+from ..features import key_points
 from .scene_folder import Part
 
 __all__ = ["corrective_name", "new_corrective_keys", "new_expression_keys"]
@@ -43,6 +44,6 @@ def _new_keys(
     for name, moved, (least, largest) in zip(names, directions, ranges, strict=True):
         key = shown.shape_key_add(name=name, from_mix=False)
         key.slider_min, key.slider_max, key.value = least, largest, 0.0
-        key.points.foreach_set("co", rest + bridge.to_blender(moved).ravel())
+        key_points(key).foreach_set("co", rest + bridge.to_blender(moved).ravel())
         keys.append(key)
     return keys
