@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import Image
 
 from sacha_core.animation.standing import Standing
 from sacha_core.avatar.gaussians import Gaussians
@@ -17,10 +19,11 @@ from sacha_core.cli.console import Console, kilobytes
 from sacha_core.cli.decode import ITERATION
 from sacha_core.cli.render import frame_range
 from sacha_core.cli.sources import Opened
-from sacha_core.errors import FormatError, OptionError
+from sacha_core.errors import FormatError, HeadError, OptionError
 from sacha_core.evaluate.peers.peer import enlarged
 from sacha_core.evaluate.peers.splat_transform import lacking, transform
 from sacha_core.files import write_aside
+from sacha_core.flame.model import HeadModel
 from sacha_core.flame.teeth import is_flame
 from sacha_core.flame.unwrap import unwrapped
 from sacha_core.interchange.capture import write_head_reference
@@ -30,12 +33,16 @@ from sacha_core.interchange.gltf_splats import write_gltf_splats
 from sacha_core.interchange.splat_ply import write_world_ply
 from sacha_core.interchange.y_down import turned_over
 from sacha_core.progress import Progress
+from sacha_core.raster.texture import paint_triangles
+from sacha_core.regions.labels import label_triangles
+from sacha_core.regions.scheme import PAPER
 
 if TYPE_CHECKING:
     from sacha_core.cli.export import Options
 
 __all__ = ["FORMATS", "Format", "require_consistent"]
 
+MAP_SIDE, MAP_MARGIN = 1024, 4  # texels; the margin keeps smaller copies of the picture from bleeding over seams
 PNG_START = b"\x89PNG\r\n\x1a\n"
 SPZ_ENLARGED = 16.0  # SPZ rounds places to 1/4096 of a unit, a quarter of a millimetre were the unit a metre
 
@@ -148,14 +155,14 @@ def write_head(opened: Opened, options: Options, console: Console) -> list[Path]
     motion = opened.avatar.motion or Motion.rest(0, head.exprdirs.shape[2], 0)
     if options.frames is not None:
         motion = motion.frames(np.array(chosen_frames(options.frames, len(motion))))
-    picture, shown = skin_picture(options)
+    picture, shown = skin_picture(head, options)
     write_gltf_head(options.output, head, motion, motion.frame_rate, picture)
     size = kilobytes(options.output.stat().st_size)
     console.wrote("head", options.output, f"{len(motion)} frames, {shown}, {size}")
     return [options.output]
 
 
-def skin_picture(options: Options) -> tuple[bytes | None, str]:
+def skin_picture(head: HeadModel, options: Options) -> tuple[bytes | None, str]:
     """Give the PNG for a head's skin, and say what it is.
 
     Raises:
@@ -167,7 +174,25 @@ def skin_picture(options: Options) -> tuple[bytes | None, str]:
         if not picture.startswith(PNG_START):
             raise FormatError(f"{options.texture} is no PNG, which is what goes onto the skin")
         return picture, f"skin of {options.texture.name}"
-    return None, "grey skin"
+    try:
+        return region_map(head), "skin painted by region"
+    except HeadError:  # a head without regions has a skin, too
+        return None, "grey skin; --masks FILE would tell its regions"
+
+
+def region_map(head: HeadModel) -> bytes:
+    """Paint the regions of a head with texture coordinates into a PNG.
+
+    Raises:
+        HeadError: its regions are not known.
+    """
+    colours = np.array(PAPER.colours, np.uint8)[label_triangles(head, PAPER)]
+    assert head.uv is not None
+    assert head.uv_faces is not None
+    painted = paint_triangles(head.uv[head.uv_faces], colours, MAP_SIDE, MAP_MARGIN)
+    stream = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(painted[:, :, :3])).save(stream, "PNG")
+    return stream.getvalue()
 
 
 def write_their_model(opened: Opened, options: Options, console: Console) -> list[Path]:

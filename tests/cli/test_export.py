@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
+import json
 import os
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from plyfile import PlyData
 
 from sacha_core.avatar.binding import to_world
@@ -16,6 +19,8 @@ from sacha_core.flame.posing import Poser
 from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.interchange.gaussian_avatars import read_model
+from sacha_core.regions.labels import label_triangles
+from sacha_core.regions.scheme import PAPER
 
 LOG_ERROR = 1e-5  # float32: the logarithm of a product against the sum of logarithms of about 5
 PLY_BYTES = 248  # 62 float32: what viewers and engines insist on, whatever the degree
@@ -123,9 +128,35 @@ def test_a_model_for_gaussian_avatars_comes_back(done, sacha_file: Path, tmp_pat
     assert done("encode", tmp_path / "model", "--level", "archive", "-o", again).report["n_frames"] == len(motion)
 
 
+def check_region_map(path: Path) -> None:
+    """Hold the texel in the middle of each triangle, found as glTF says, to the colour of its region."""
+    data = path.read_bytes()
+    n_json = int.from_bytes(data[12:16], "little")
+    document, binary = json.loads(data[20 : 20 + n_json]), data[28 + n_json :]
+
+    def part(view: int) -> bytes:
+        held = document["bufferViews"][view]
+        return binary[held["byteOffset"] :][: held["byteLength"]]
+
+    def array(accessor: int, kind: str) -> np.ndarray:
+        return np.frombuffer(part(document["accessors"][accessor]["bufferView"]), kind)
+
+    (primitive,) = document["meshes"][0]["primitives"]
+    faces = array(primitive["indices"], "<u4").reshape(-1, 3)
+    uv = array(primitive["attributes"]["TEXCOORD_0"], "<f4").reshape(-1, 2)
+    with Image.open(io.BytesIO(part(document["images"][0]["bufferView"]))) as picture:
+        texels = np.asarray(picture)
+    middle = uv[faces].mean(axis=1) * [texels.shape[1], texels.shape[0]]
+    column, row = np.floor(middle).astype(int).T
+    expected = np.array(PAPER.colours)[label_triangles(synthetic_head("small"), PAPER)]
+    right = (texels[row, column] == expected).all(axis=1)
+    assert right.mean() > 0.99  # triangles smaller than a texel may miss its middle
+
+
 def test_a_head_as_gltf(done, refused, sacha_file: Path, tmp_path: Path) -> None:
     report = done("export", sacha_file, "--format", "gltf-head", "-o", tmp_path / "a.glb").report
     assert report["bytes"] == (tmp_path / "a.glb").stat().st_size
+    check_region_map(tmp_path / "a.glb")
     (tmp_path / "a.txt").write_text("no picture")
     with_text = ("--format", "gltf-head", "--texture", tmp_path / "a.txt", "-o", tmp_path / "b.glb")
     assert "a.txt is no PNG" in refused("export", sacha_file, *with_text)
