@@ -34,7 +34,9 @@ class SachaPanel(bpy.types.Panel):
             return
         running_now = running.now()
         if running_now is None:
-            layout.operator("sacha.open", text="Open File...", icon="FILE_FOLDER")
+            row = layout.row(align=True)
+            row.operator("sacha.open", text="Open File...", icon="FILE")
+            row.operator("sacha.open_folder", text="Open Folder...", icon="FILE_FOLDER")
             layout.prop(context.scene.sacha, "head")
             layout.prop(context.scene.sacha, "masks")
         else:

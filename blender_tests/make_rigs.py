@@ -23,7 +23,7 @@ from sacha_core.flame.posing import Poser
 from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.interchange.capture import write_head_reference
 from sacha_core.interchange.capture_writer import CaptureWriter
-from sacha_core.interchange.gaussian_avatars import write_model
+from sacha_core.interchange.gaussian_avatars import write_flame_param, write_model
 from sacha_core.raster.camera import Camera
 
 SEED = 7
@@ -135,6 +135,7 @@ def main(folder: Path) -> None:
     names = np.array(["jawOpen", "eyeBlinkLeft", "mouthSmile_L", "browInnerUp", "cheekPuff"])
     np.savez(folder / "arkit.npz", verts=head.v_template, faces=head.faces, arkit_deltas=deltas, arkit_names=names)
     captured = moving(head, 3, rng)
+    write_flame_param(folder / "other.npz", captured)
     cameras = write_capture(
         folder / "capture", head, folder / "hard.npz", replace(captured, translation=0 * captured.translation)
     )
@@ -149,6 +150,7 @@ def main(folder: Path) -> None:
         },
         dialled=posed(head, dials),
         arkit=head.v_template + deltas,
+        other=posed(head, replace(captured, shape=decoded.shape)),
         last=last,
         seen=np.stack([seen(camera, last) for camera in cameras]),
         faces=head.faces,

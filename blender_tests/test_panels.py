@@ -77,7 +77,7 @@ def test_without_an_engine_only_the_way_to_name_one_is_drawn(panels: SimpleNames
 
 
 def test_with_an_engine_a_file_can_be_opened(panels: SimpleNamespace) -> None:
-    assert operators(drawn_by(panels.SachaPanel)) == ["sacha.open"]
+    assert operators(drawn_by(panels.SachaPanel)) == ["sacha.open", "sacha.open_folder"]
 
 
 def test_a_running_job_shows_its_progress_and_cancel(panels: SimpleNamespace, addon: ModuleType, monkeypatch) -> None:
@@ -144,4 +144,4 @@ def test_the_file_menu_offers_to_open(addon: ModuleType) -> None:
     module = __import__(f"{addon.__name__}.opening.menu", fromlist=["attach"])
     layout = Layout()
     module._import_entry(SimpleNamespace(layout=layout), bpy.context)
-    assert operators(layout.drawn) == ["sacha.open"]
+    assert operators(layout.drawn) == ["sacha.open", "sacha.open_folder"]

@@ -188,6 +188,57 @@ def test_a_motion_keeps_its_pace_in_a_scene_of_another(addon: ModuleType, rigs: 
         assert error_m(shown, vertices) <= 10 * POSE_ERROR_M  # the subframe is float32: 1e-7 of a second, at full speed
 
 
+def test_another_motion_takes_the_place_of_the_first(addon: ModuleType, rigs: Rigs) -> None:
+    shown, scene = rigs.open("hard.sacha"), bpy.context.scene
+    assert len(bpy.data.actions) == 1
+    bpy.ops.sacha.pose_joints()  # the head is also meant while its joints are in hand
+    assert bpy.context.object == shown.parent
+    bpy.ops.sacha.load_motion(filepath=str(rigs.folder / "other.npz"))
+    assert len(bpy.data.actions) == 1
+    assert (scene.frame_start, scene.frame_end) == (1, len(rigs.truth["other"]))
+    for frame, vertices in enumerate(rigs.truth["other"]):  # the person stays the file's
+        scene.frame_set(1 + frame)
+        assert error_m(shown, vertices) <= POSE_ERROR_M
+    with pytest.raises(RuntimeError, match="holds no motion"):
+        bpy.ops.sacha.load_motion(filepath=str(rigs.folder / "arkit.npz"))
+
+
+def test_a_motion_can_be_given_with_the_file(addon: ModuleType, rigs: Rigs) -> None:
+    files = {"filepath": rigs.folder / "hard.npz", "motion": rigs.folder / "other.npz"}
+    bpy.ops.sacha.open(**{name: str(path) for name, path in files.items()})
+    shown = bpy.context.object
+    assert len(shown.data["sacha_shape"]) > 0
+    bpy.context.scene.frame_set(3)
+    assert np.abs(evaluated(shown) - evaluated_rest(shown)).max() > 1e-3
+
+
+def evaluated_rest(shown: bpy.types.Object) -> np.ndarray:
+    """Give (v, 3) vertices of the unposed head, in Blender's axes."""
+    values = np.empty(3 * len(shown.data.vertices), np.float32)
+    shown.data.vertices.foreach_get("co", values)
+    return values.reshape(-1, 3)
+
+
+def test_a_motion_too_large_for_the_keys_says_so(addon: ModuleType, rigs: Rigs) -> None:
+    rigs.open("hard.npz")
+    with np.load(rigs.folder / "other.npz") as kept:
+        arrays = dict(kept)
+    arrays["expr"][1, 2] = 11
+    np.savez(rigs.folder / "large.npz", **arrays)
+    with pytest.raises(RuntimeError, match=r"'expression_002' to 11"):
+        bpy.ops.sacha.load_motion(filepath=str(rigs.folder / "large.npz"))
+
+
+def test_joints_are_taken_in_hand_and_let_go_and_all_comes_to_rest(hard: bpy.types.Object, rigs: Rigs) -> None:
+    dial(hard, rigs.truth, 0)
+    bpy.ops.sacha.pose_joints()
+    assert (bpy.context.object, bpy.context.object.mode) == (hard.parent, "POSE")
+    bpy.ops.sacha.rest()
+    assert error_m(hard, rigs.truth["template"]) <= STILL_ERROR_M
+    bpy.ops.sacha.pose_joints()
+    assert (bpy.context.object, bpy.context.object.mode) == (hard, "OBJECT")
+
+
 def test_two_heads_move_apart_from_each_other(addon: ModuleType, rigs: Rigs) -> None:
     one, other = rigs.open("hard.npz"), rigs.open("hard.npz")
     dial(one, rigs.truth, 0)
@@ -268,7 +319,8 @@ def test_a_head_without_texture_coordinates_is_unwrapped(hard: bpy.types.Object)
 
 
 def test_cameras_of_a_capture_see_what_its_own_saw(addon: ModuleType, rigs: Rigs) -> None:
-    shown, scene = rigs.open("capture"), bpy.context.scene
+    bpy.ops.sacha.open_folder(directory=f"{rigs.folder / 'capture'}/")
+    shown, scene = bpy.context.object, bpy.context.scene
     cameras = sorted((item for item in scene.objects if item.type == "CAMERA"), key=lambda item: item.name)
     assert [camera.name for camera in cameras] == ["camera_00", "camera_01", "camera_02"]
     assert scene.camera == cameras[0]

@@ -3,6 +3,6 @@
 
 from __future__ import annotations
 
-from . import controls, drop, menu, open_file
+from . import controls, drop, load_motion, menu, open_file, panel
 
-PARTS = (controls, open_file, drop, menu)
+PARTS = (controls, open_file, load_motion, panel, drop, menu)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from . import controls
 from .scene_folder import Part
 
 __all__ = ["animate"]
@@ -29,16 +30,31 @@ class Channel:
     group: str
 
 
-def animate(
-    context: bpy.types.Context, shown: bpy.types.Object, armature: bpy.types.Object, animation: Part, rig: Part
-) -> list[str]:
-    """Give a head its motion, at the motion's own pace.
+def animate(context: bpy.types.Context, shown: bpy.types.Object, animation: Part, rig: Part) -> list[str]:
+    """Give a head a motion, at the motion's own pace, in place of the one that it had.
 
-    A scene in which nothing moves yet takes over the motion's frame rate and length. In any other the motion's frames lie at their times.
+    A scene in which nothing else moves takes over the motion's frame rate and length. In any other the motion's frames lie at their times.
+
+    Args:
+        context: of the scene.
+        shown: a head that was opened here.
+        animation: the motion.
+        rig: the controls that the motion was made for: the head's own, or the same ones for other extremes.
 
     Returns:
         Notes for the user.
+
+    Raises:
+        ValueError: the head has lost a control, or the motion goes beyond what its shape keys hold.
     """
+    armature = controls.armature_of(shown)
+    if armature is None or shown.data.shape_keys is None:
+        raise ValueError(f"{shown.name} has lost its controls: open its file again")
+    moved = (
+        (armature, _joint_channels(animation, rig)),
+        (shown.data.shape_keys, _expression_channels(shown, animation, rig)),
+    )
+    _forget_motion(shown, armature)
     rate, n_frames = animation.values["frame_rate"], len(animation.arrays["values"])
     free = not any(action.users for action in bpy.data.actions)
     if free:
@@ -48,7 +64,6 @@ def animate(
     same = abs(scene_rate - rate) <= RATE_ERROR
     own.n_frames, own.first_frame, own.frame_step = n_frames, FIRST_FRAME, 1.0 if same else scene_rate / rate
     at = own.first_frame + own.frame_step * np.arange(n_frames)
-    moved = ((armature, _joint_channels(animation, rig)), (shown.data.shape_keys, _expression_channels(animation, rig)))
     _write(shown.name, moved, at)
     if free:
         context.scene.frame_set(FIRST_FRAME)
@@ -78,12 +93,38 @@ def _joint_channels(animation: Part, rig: Part) -> list[Channel]:
     return [*channels, *(Channel(path, axis, translation[:, axis], 0.0, names[0]) for axis in range(3))]
 
 
-def _expression_channels(animation: Part, rig: Part) -> list[Channel]:
-    names = [bpy.utils.escape_identifier(name) for name in rig.values["names"]]
-    return [
-        Channel(f'key_blocks["{name}"].value', 0, values, 0.0, "Expressions")
-        for name, values in zip(names, animation.arrays["values"].T, strict=True)
-    ]
+def _expression_channels(shown: bpy.types.Object, animation: Part, rig: Part) -> list[Channel]:
+    """Give what the expressions do, in the values of the head's own shape keys."""
+    blocks = shown.data.shape_keys.key_blocks
+    own = {expression.name: expression.scale for expression in shown.data.sacha_rig.expressions}
+    channels = []
+    columns = zip(rig.values["names"], rig.arrays["scales"].tolist(), animation.arrays["values"].T, strict=True)
+    for name, scale, column in columns:
+        if name not in own or name not in blocks:
+            raise ValueError(f"{shown.name} has no shape key {name!r}, which the motion moves: open its file again")
+        values, block = column * np.float32(scale / own[name]), blocks[name]
+        block.slider_min = min(block.slider_min, float(values.min()))
+        block.slider_max = max(block.slider_max, float(values.max()))
+        if values.min() < block.slider_min or values.max() > block.slider_max:
+            raise ValueError(
+                f"The motion brings {name!r} to {np.abs(values).max():.3g}, further than its shape key goes: open the head with it"
+            )
+        path = f'key_blocks["{bpy.utils.escape_identifier(name)}"].value'
+        channels.append(Channel(path, 0, values, 0.0, "Expressions"))
+    return channels
+
+
+def _forget_motion(shown: bpy.types.Object, armature: bpy.types.Object) -> None:
+    """Take an earlier motion away; what it moved and the next one leaves alone would stay where it was."""
+    for block in (armature, shown.data.shape_keys):
+        if block.animation_data is not None and block.animation_data.action is not None:
+            action = block.animation_data.action
+            block.animation_data.action = None
+            if not action.users:
+                bpy.data.actions.remove(action)
+    controls.rest(shown)
+    for bone in armature.pose.bones:
+        bone.rotation_mode = "QUATERNION"
 
 
 def _write(name: str, moved: tuple[tuple[bpy.types.ID, list[Channel]], ...], at: np.ndarray) -> None:

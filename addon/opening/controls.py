@@ -3,16 +3,31 @@
 
 from __future__ import annotations
 
+import json
+
 import bpy
 import numpy as np
-from bpy.props import CollectionProperty, FloatProperty, IntProperty, PointerProperty
+from bpy.props import CollectionProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 from mathutils import Matrix
 
 from .. import bridge
 from .armature import PIVOT
 from .scene_folder import Part
 
-__all__ = ["CLASSES", "SHAPE", "armature_of", "attach", "describe", "detach", "motion_frame", "read"]
+__all__ = [
+    "CLASSES",
+    "SHAPE",
+    "armature_of",
+    "attach",
+    "describe",
+    "detach",
+    "head_of",
+    "head_options",
+    "motion_frame",
+    "read",
+    "remember_head",
+    "rest",
+]
 
 SHAPE = "sacha_shape"  # property of a mesh: the identity coefficients of its person
 RIGID_ERROR = 1e-4  # scale of an object's matrix, as far as hands and rounding make it
@@ -28,6 +43,7 @@ class SachaRig(bpy.types.PropertyGroup):
     """The controls of a head, kept with its mesh."""
 
     expressions: CollectionProperty(type=SachaExpression)
+    head_options: StringProperty(description="What the engine was told of its head, as JSON")
     n_frames: IntProperty(description="Frames of the motion that it was opened with; 0 for none")
     first_frame: FloatProperty(description="Frame of the scene at which the motion's first frame lies")
     frame_step: FloatProperty(default=1.0, description="Frames of the scene from one frame of the motion to the next")
@@ -54,10 +70,40 @@ def describe(mesh: bpy.types.Mesh, rig: Part) -> None:
     mesh[SHAPE] = rig.arrays["shape"].astype(np.float64).tolist()
 
 
+def remember_head(mesh: bpy.types.Mesh, options: list[str]) -> None:
+    """Keep with a mesh what the engine was told of its head."""
+    mesh.sacha_rig.head_options = json.dumps(options)
+
+
+def head_options(mesh: bpy.types.Mesh) -> list[str]:
+    """Give what the engine was told of a mesh's head."""
+    return json.loads(mesh.sacha_rig.head_options or "[]")
+
+
+def head_of(thing: bpy.types.Object | None) -> bpy.types.Object | None:
+    """Give the head that an object is or moves: itself, or the mesh whose joints it is; None where it is neither."""
+    if thing is None:
+        return None
+    candidates = [thing] if thing.type == "MESH" else [item for item in thing.children if item.type == "MESH"]
+    return next((item for item in candidates if item.data.sacha.kind and armature_of(item)), None)
+
+
 def armature_of(shown: bpy.types.Object) -> bpy.types.Object | None:
     """Give the armature that moves a head; None where it has none."""
     armatures = [modifier.object for modifier in shown.modifiers if modifier.type == "ARMATURE"]
     return next((armature for armature in armatures if armature is not None), None)
+
+
+def rest(shown: bpy.types.Object) -> None:
+    """Set a head's expressions to nothing and its joints to where they were opened."""
+    keys, armature = shown.data.shape_keys, armature_of(shown)
+    for expression in shown.data.sacha_rig.expressions:
+        if keys is not None and expression.name in keys.key_blocks:
+            keys.key_blocks[expression.name].value = 0.0
+    for bone in () if armature is None else armature.pose.bones:
+        bone.location, bone.scale = (0, 0, 0), (1, 1, 1)
+        bone.rotation_quaternion, bone.rotation_euler = (1, 0, 0, 0), (0, 0, 0)
+        bone.rotation_axis_angle = (0, 0, 1, 0)
 
 
 def motion_frame(shown: bpy.types.Object, scene: bpy.types.Scene) -> int | None:

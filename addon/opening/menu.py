@@ -11,7 +11,8 @@ CLASSES = ()
 
 
 def _import_entry(menu: bpy.types.Menu, context: bpy.types.Context) -> None:  # noqa: ARG001  (Blender's signature)
-    menu.layout.operator("sacha.open", text="SACHA avatar or head (.sacha, .npz, .ply, .obj)")
+    menu.layout.operator("sacha.open", text="SACHA avatar or head (.sacha, .npz, .ply, .obj, .glb)")
+    menu.layout.operator("sacha.open_folder", text="SACHA model or capture (folder)")
 
 
 def attach() -> None:

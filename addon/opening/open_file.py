@@ -12,7 +12,7 @@ from bpy_extras.io_utils import ImportHelper
 from .. import bridge, engine, preferences, running, sources
 from ..job import Job
 from ..seeing import shown as showing
-from . import cameras, rigging
+from . import cameras, controls, rigging
 from .scene_folder import SceneFolder, read_scene_folder
 
 __all__ = ["CLASSES", "SUFFIXES"]
@@ -25,9 +25,7 @@ class SachaOpen(bpy.types.Operator, ImportHelper):
 
     bl_idname = "sacha.open"
     bl_label = "Open in SACHA"
-    bl_description = (
-        "Show an avatar (.sacha, bound .ply) or a head (.npz, .pkl, .obj, .ply) as a mesh with regions and counts"
-    )
+    bl_description = "Show an avatar (.sacha, bound .ply) or a head (.npz, .pkl, .obj, .ply, .glb) with its regions, controls and motion"
     bl_options = {"UNDO"}  # noqa: RUF012  (Blender reads it as it is)
 
     # A file dropped on the window comes as `filepath`; what was opened last must not be taken for one.
@@ -36,6 +34,12 @@ class SachaOpen(bpy.types.Operator, ImportHelper):
     head: StringProperty(
         name="Head",
         description="Head model that the file is bound to; where empty, the one of the scene's settings",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
+    motion: StringProperty(
+        name="Motion",
+        description="Motion (.npz) that the head shall have instead of the file's own; may be empty",
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )
@@ -50,25 +54,68 @@ class SachaOpen(bpy.types.Operator, ImportHelper):
 
     def work(self, context: bpy.types.Context) -> running.Work:
         """Let the engine read the file, then show it."""
-        source, given = sources.full_path(self.filepath), sources.head_options(context, self.head)
-        python = preferences.engine_python(context)
-
-        def finish(job: Job) -> str:
-            opened = read_scene_folder(job.folder / "scene")
-            _, notes = show(context, opened, source)
-            for note in (*opened.notes, *notes):
-                self.report({"WARNING"}, note)
-            return f"Opened {source.name}: {', '.join(opened.facts)}"
-
-        return running.Work(
-            f"Opening {source.name}",
-            lambda folder: engine.command(python, "scene", source, "--out", folder / "scene", *given),
-            finish,
-        )
+        return opening_work(self, context, self.filepath, self.head, self.motion)
 
     execute = running.execute
     modal = running.modal
     cancel = running.cancel
+
+
+class SachaOpenFolder(bpy.types.Operator):
+    """Show a trained model, or the head and the cameras of a capture."""
+
+    bl_idname = "sacha.open_folder"
+    bl_label = "Open Folder in SACHA"
+    bl_description = (
+        "Show a trained model in GaussianAvatars' layout, or a capture: its person's head, its motion and its cameras"
+    )
+    bl_options = {"UNDO"}  # noqa: RUF012  (Blender reads it as it is)
+
+    directory: StringProperty(name="Folder", subtype="DIR_PATH", options={"SKIP_SAVE"})
+    head: StringProperty(
+        name="Head",
+        description="Head model that it is bound to; where empty, the one of the scene's settings",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
+    wait: running.wait_property()
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's)
+        """Ask for the folder."""
+        self.wait = False
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def work(self, context: bpy.types.Context) -> running.Work:
+        """Let the engine read the folder, then show it."""
+        return opening_work(self, context, self.directory, self.head)
+
+    execute = running.execute
+    modal = running.modal
+    cancel = running.cancel
+
+
+def opening_work(
+    operator: bpy.types.Operator, context: bpy.types.Context, named: str, head: str, motion: str = ""
+) -> running.Work:
+    """Let the engine read a file or a folder, then show it; notes are the operator's warnings."""
+    source, given = sources.full_path(named), sources.head_options(context, head)
+    moved = ["--motion", str(sources.full_path(motion))] if motion else []
+    python = preferences.engine_python(context)
+
+    def finish(job: Job) -> str:
+        opened = read_scene_folder(job.folder / "scene")
+        shown, notes = show(context, opened, source)
+        controls.remember_head(shown.data, given)
+        for note in (*opened.notes, *notes):
+            operator.report({"WARNING"}, note)
+        return f"Opened {source.name}: {', '.join(opened.facts)}"
+
+    return running.Work(
+        f"Opening {source.name}",
+        lambda folder: engine.command(python, "scene", source, "--out", folder / "scene", *given, *moved),
+        finish,
+    )
 
 
 def show(context: bpy.types.Context, opened: SceneFolder, source: Path) -> tuple[bpy.types.Object, list[str]]:
@@ -126,4 +173,4 @@ def _show_colours_in_views(context: bpy.types.Context) -> None:
             area.spaces.active.shading.color_type = "VERTEX"
 
 
-CLASSES = (SachaOpen,)
+CLASSES = (SachaOpen, SachaOpenFolder)

@@ -28,4 +28,4 @@ def rig_up(context: bpy.types.Context, shown: bpy.types.Object, opened: SceneFol
     drivers.move_joints(joints, expressions, rig)
     controls.describe(shown.data, rig)
     animation = opened.parts.get("animation")
-    return [] if animation is None else animating.animate(context, shown, joints, animation, rig)
+    return [] if animation is None else animating.animate(context, shown, animation, rig)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from sacha_core.cli.common import Common, HeadSource
+from sacha_core.cli.common import Common, FileOption, HeadSource
 from sacha_core.cli.console import Console, kilobytes
 from sacha_core.progress import Progress
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["INPUTS", "Options", "open_scene", "run"]
 
-INPUTS = ("file",)
+INPUTS = ("file", "motion")
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,9 @@ class Options:
 
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
     """Where the arrays go."""
+
+    motion: FileOption = None
+    """A motion (.npz) that the head shall have instead of the file's own."""
 
     head: HeadSource = field(default_factory=HeadSource)
     common: Common = field(default_factory=Common)
@@ -44,7 +47,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     from sacha_core.scene.folder import write_scene
 
     console.report(Progress("read", 0, 2))
-    scene = open_scene(options.file, options.head)
+    scene = open_scene(options.file, options.head, options.motion)
     console.report(Progress("write", 1, 2))
     write_scene(scene, options.out)
     console.report(Progress("write", 2, 2))
@@ -52,18 +55,19 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     return {"kind": scene.kind, "facts": scene.facts, "notes": scene.notes, "out": options.out}
 
 
-def open_scene(path: Path, source: HeadSource) -> Scene:
-    """Read whatever a user names: an avatar, a head model, or a head's mesh.
+def open_scene(path: Path, source: HeadSource, motion: Path | None = None) -> Scene:
+    """Read whatever a user names: an avatar, a capture, a head model, or a head's mesh.
 
     Args:
-        path: the file, or the folder of a model.
+        path: the file, or the folder of a model or a capture.
         source: the head that it is bound to, or whose triangles a mesh has, where the file does not say it itself.
+        motion: file of a motion that the head shall have instead of the file's own.
 
     Raises:
         SachaError: the file is damaged, or its head is missing or another one.
         OSError: it cannot be read.
     """
-    from sacha_core.cli.sources import capture_head, named_head, open_avatar, with_coordinates
+    from sacha_core.cli.sources import capture_head, named_head, open_avatar, open_motion, with_coordinates
     from sacha_core.flame.open import open_head
     from sacha_core.interchange.capture import is_capture, read_capture
     from sacha_core.interchange.head_mesh import SUFFIXES, read_head_mesh
@@ -72,13 +76,19 @@ def open_scene(path: Path, source: HeadSource) -> Scene:
     suffix = path.suffix.lower()
     if path.is_dir() and is_capture(path):
         capture = read_capture(path)
-        return scene_of_capture(path.name, capture, with_coordinates(capture_head(capture, source)))
+        head = with_coordinates(capture_head(capture, source))
+        given = capture if motion is None else replace(capture, motion=open_motion(motion, head))
+        return scene_of_capture(path.name, given, head)
     if suffix in {".npz", ".pkl"}:
-        return scene_of_head(with_coordinates(open_head(str(path), masks=source.masks)))
+        head = with_coordinates(open_head(str(path), masks=source.masks))
+        return scene_of_head(head, None if motion is None else open_motion(motion, head))
     if suffix in SUFFIXES and not (suffix == ".ply" and _holds_gaussians(path)):
-        named = named_head(source)
-        return scene_of_mesh(path.stem, read_head_mesh(path), None if named is None else with_coordinates(named))
-    opened = open_avatar(_of_model(path), source)
+        mesh, named = read_head_mesh(path), named_head(source)
+        if named is None:
+            return scene_of_mesh(path.stem, mesh, None)
+        moved = None if motion is None else open_motion(motion, named)
+        return scene_of_mesh(path.stem, mesh, with_coordinates(named), moved)
+    opened = open_avatar(_of_model(path), source, motion)
     scene = scene_of_avatar(path.stem, opened.avatar, with_coordinates(opened.head))
     return replace(scene, facts=[*scene.facts, kilobytes(path.stat().st_size)]) if path.is_file() else scene
 

@@ -65,8 +65,7 @@ def scene_of_avatar(name: str, avatar: Avatar, head: HeadModel) -> Scene:
     person = avatar.motion or Motion.rest(0, 0)
     rig = rig_of(head, person)
     facts = [f"{len(avatar.gaussians):,} Gaussians on {head.n_faces:,} triangles", f"Head: {head.name}"]
-    if avatar.motion is not None:
-        facts.append(f"{len(avatar.motion):,} frames at {avatar.motion.frame_rate:g} a second")
+    facts += _frames(avatar.motion)
     views, notes = _region_view(head, find_scheme(avatar.scheme), count)
     views["count"] = View(count, linear_count_colours(count), count_legend(int(count.max(initial=0))))
     return Scene(
@@ -84,37 +83,35 @@ def scene_of_avatar(name: str, avatar: Avatar, head: HeadModel) -> Scene:
     )
 
 
-def scene_of_head(head: HeadModel) -> Scene:
-    """Show a head model, unposed."""
+def scene_of_head(head: HeadModel, motion: Motion | None = None) -> Scene:
+    """Show a head model, unposed, or the person of a motion, moving."""
     views, notes = _region_view(head)
     facts = [
         f"{head.n_vertices:,} vertices, {head.n_faces:,} triangles",
         f"{head.shapedirs.shape[2]} identity and {head.exprdirs.shape[2]} expression components, {len(head.parents)} joints",
+        *_frames(motion),
     ]
-    rig = rig_of(head, Motion.rest(0, 0))
-    return Scene(head.name, "head", head.name, head.v_template, head.faces, _corner_uv(head), views, facts, notes, rig)
+    person = motion or Motion.rest(0, 0)
+    vertices, rig = person_template(head, person)[0], rig_of(head, person)
+    animation = None if motion is None else animation_of(motion, rig)
+    return Scene(
+        head.name, "head", head.name, vertices, head.faces, _corner_uv(head), views, facts, notes, rig, animation
+    )
 
 
 def scene_of_capture(name: str, capture: Capture, head: HeadModel) -> Scene:
     """Show a capture: its person's head, how it moves, and the cameras that saw it."""
-    shown, motion = scene_of_head(head), capture.motion
-    rig, cameras = rig_of(head, motion), cameras_of(capture)
-    facts = [
-        f"{len(motion):,} frames at {motion.frame_rate:g} a second, seen by {len(cameras.names)} cameras",
-        f"Head: {head.name}",
-    ]
-    return replace(
-        shown,
-        name=name,
-        vertices=person_template(head, motion)[0],
-        facts=facts,
-        rig=rig,
-        animation=animation_of(motion, rig),
-        cameras=cameras,
-    )
+    cameras = cameras_of(capture)
+    facts = [*_frames(capture.motion), f"{len(cameras.names)} cameras", f"Head: {head.name}"]
+    return replace(scene_of_head(head, capture.motion), name=name, facts=facts, cameras=cameras)
 
 
-def scene_of_mesh(name: str, mesh: HeadMesh, head: HeadModel | None) -> Scene:
+def _frames(motion: Motion | None) -> list[str]:
+    """Tell how long a motion is."""
+    return [] if motion is None else [f"{len(motion):,} frames at {motion.frame_rate:g} a second"]
+
+
+def scene_of_mesh(name: str, mesh: HeadMesh, head: HeadModel | None, motion: Motion | None = None) -> Scene:
     """Show a mesh; it has regions where its triangles are those of a head, or the first of them (teeth come last)."""
     facts = [f"{len(mesh.vertices):,} vertices, {len(mesh.faces):,} triangles"]
     if head is None:
@@ -128,15 +125,18 @@ def scene_of_mesh(name: str, mesh: HeadMesh, head: HeadModel | None) -> Scene:
     }
     uv = _corner_uv(head)
     uv = None if uv is None else uv[:n_faces]
-    rig = rig_of(head, _person(mesh, head), len(mesh.vertices))
-    return Scene(name, "mesh", head.name, mesh.vertices, mesh.faces, uv, views, facts, notes, rig)
+    person = _as_the_person(mesh, head, motion or Motion.rest(0, 0))
+    rig = rig_of(head, person, len(mesh.vertices))
+    animation = None if motion is None else animation_of(person, rig)
+    facts += _frames(motion)
+    return Scene(name, "mesh", head.name, mesh.vertices, mesh.faces, uv, views, facts, notes, rig, animation)
 
 
-def _person(mesh: HeadMesh, head: HeadModel) -> Motion:
-    """Give the person whose neutral head a mesh is."""
+def _as_the_person(mesh: HeadMesh, head: HeadModel, motion: Motion) -> Motion:
+    """Give a motion to the person whose neutral head a mesh is."""
     offset = np.zeros((head.n_vertices, 3), np.float32)
     offset[: len(mesh.vertices)] = mesh.vertices - head.v_template[: len(mesh.vertices)]
-    return replace(Motion.rest(0, 0), static_offset=offset)
+    return replace(motion, shape=np.zeros(0, np.float32), static_offset=offset)
 
 
 def _region_view(
