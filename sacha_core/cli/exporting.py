@@ -23,7 +23,7 @@ from sacha_core.errors import FormatError, HeadError, OptionError
 from sacha_core.evaluate.peers.peer import enlarged
 from sacha_core.evaluate.peers.splat_transform import lacking, transform
 from sacha_core.files import write_aside
-from sacha_core.flame.model import HeadModel
+from sacha_core.flame.model import JOINTS, HeadModel
 from sacha_core.flame.teeth import is_flame
 from sacha_core.flame.unwrap import unwrapped
 from sacha_core.interchange.capture import write_head_reference
@@ -198,7 +198,9 @@ def region_map(head: HeadModel) -> bytes:
 def write_their_model(opened: Opened, options: Options, console: Console) -> list[Path]:
     """Write a model folder for GaussianAvatars' own programs."""
     motion, head = opened.avatar.motion, opened.head
-    theirs = is_flame(head)
+    theirs = is_flame(head) and len(head.parents) == len(
+        JOINTS
+    )  # a rig of FLAME's mesh may have other shapes and no jaw
     if motion is not None and theirs:
         motion = for_their_viewer(motion)
     write_head_reference(options.output, opened.avatar.head)
