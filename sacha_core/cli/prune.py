@@ -162,9 +162,9 @@ def require_consistent(options: Options) -> None:
     if len(given) > 1 or not (given or options.target_size):
         named = " and ".join(f"--{name.replace('_', '-')}" for name in given) or "none"
         raise OptionError(f"expected one of --keep, --ratio and --target-count, or --target-size, got {named}")
-    for path in (options.avatar, options.before):
+    for path, what in ((options.avatar, "the avatar itself"), (options.before, "what it shall be set beside")):
         if path is not None and options.output.exists() and options.output.samefile(path):
-            raise OptionError(f"-o {options.output} is the avatar itself; expected another place")
+            raise OptionError(f"-o {options.output} is {what}; expected another place")
     if options.output.suffix.lower() != ".sacha":
         for name in ("level", "target_size", "embed_head"):
             if getattr(options, name):

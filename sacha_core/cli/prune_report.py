@@ -102,6 +102,7 @@ def report(
     options: Options, written: Written, scores: Scores, path: Any, partition: Partition, rows: Sequence[Row]
 ) -> dict[str, Any]:
     """Give the report for machines."""
+    before = options.before or options.avatar
     return {
         "avatar": options.avatar,
         "scores": path,
@@ -110,6 +111,7 @@ def report(
         "n_before": len(scores.score),
         "n_gaussians": len(written.found.rows),
         "n_bytes": written.n_bytes,
+        "n_bytes_before": before.stat().st_size if before.is_file() else None,
         "quality": written.quality,
         "n_trials": written.n_trials,
         "scope": options.scope,

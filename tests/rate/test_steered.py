@@ -61,7 +61,7 @@ def test_the_file_holds_exactly_the_gaussians_that_the_budget_leaves(avatar: Ava
 def test_a_size_is_kept_to_and_the_mouth_gets_more_of_it_where_it_is_said_to_matter(
     avatar: Avatar, scores: Scores
 ) -> None:
-    most, kept = 3_500, {}
+    most, kept = 2_000, {}  # so few bytes that what shows of the mouth has to give, too
     for name, weights in {"neutral": {}, "mouth": {MOUTH: 2.0}}.items():
         encoder = SteeredEncoder(avatar, HEAD, scores, REGIONS, Budget(1.0, weights), fixed_keep=False)
         reached = encode_to_size(encoder, most)
