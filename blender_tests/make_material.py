@@ -37,6 +37,11 @@ def make_avatar(head: HeadModel, rng: np.random.Generator) -> sacha_core.Avatar:
     count = (LARGEST_COUNT * rng.random(head.n_faces) ** 4).astype(int)
     gaussians = sacha_core.initial_gaussians(head.n_faces, rng, sh_degree=0)
     gaussians = gaussians.select(np.repeat(np.arange(head.n_faces), count))
+    return sacha_core.Avatar(fill(gaussians, rng), head.reference, moving(head, N_FRAMES, rng))
+
+
+def fill(gaussians: sacha_core.Gaussians, rng: np.random.Generator) -> sacha_core.Gaussians:
+    """Give Gaussians of every size, colour and opacity."""
     spread = {
         "position": (0.0, 0.5),
         "log_scale": (-1.5, 0.5),
@@ -44,14 +49,18 @@ def make_avatar(head: HeadModel, rng: np.random.Generator) -> sacha_core.Avatar:
         "opacity_logit": (2.0, 1.0),
         "sh_dc": (0.0, 1.0),
     }
-    gaussians = replace(
+    return replace(
         gaussians,
         **{name: rng.normal(*law, getattr(gaussians, name).shape).astype(np.float32) for name, law in spread.items()},
     )
-    motion = sacha_core.Motion.rest(head.shapedirs.shape[2], head.exprdirs.shape[2], N_FRAMES)
+
+
+def moving(head: HeadModel, n_frames: int, rng: np.random.Generator) -> sacha_core.Motion:
+    """Give a motion of a person who is not the mean."""
+    motion = sacha_core.Motion.rest(head.shapedirs.shape[2], head.exprdirs.shape[2], n_frames)
     shape = rng.normal(0, 1, motion.shape.shape).astype(np.float32)
     expression = rng.normal(0, 0.5, motion.expression.shape).astype(np.float32)
-    return sacha_core.Avatar(gaussians, head.reference, replace(motion, shape=shape, expression=expression))
+    return replace(motion, shape=shape, expression=expression)
 
 
 def write_meshes(folder: Path, head: HeadModel, vertices: np.ndarray) -> None:

@@ -27,7 +27,8 @@ from mathutils import Vector
 HERE = Path(__file__).parent
 sys.path.append(str(HERE))
 
-from traces import traces  # noqa: E402  (it lies beside this file)
+from pictures import look_at, read, render, srgb  # noqa: E402  (these lie beside this file)
+from traces import traces  # noqa: E402
 
 ENGINE = os.environ.get("SACHA_ENGINE", str(HERE.parent / ".venv" / "bin" / "python"))
 SIZE = 96  # pixels
@@ -98,7 +99,7 @@ class Smoke:
 
     def check_4_picture(self) -> None:
         """Every pixel of a picture has the colour of the triangle behind it."""
-        camera = look_at(self.shown)
+        camera = look_at(self.shown, SIZE)
         picture = render(self.folder / "picture.png")
         met = self.met(camera)
         sure = (met == met[0]).all(axis=0)
@@ -161,55 +162,6 @@ class Smoke:
                 hit, _, _, face = self.shown.ray_cast(back @ origin, back.to_3x3() @ forward)
                 found[place, row, column] = face if hit else -1
         return found
-
-
-def read(collection: bpy.types.bpy_prop_collection, name: str, width: int, kind: type = np.float32) -> np.ndarray:
-    """Give (n, width) values of a collection."""
-    values = np.empty(len(collection) * width, kind)
-    collection.foreach_get(name, values)
-    return values.reshape(-1, width)
-
-
-def srgb(linear: np.ndarray) -> np.ndarray:
-    """IEC 61966-2-1, to bytes."""
-    linear = linear.astype(np.float64)
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0) ** (1 / 2.4) - 0.055)
-    return np.rint(255 * encoded).astype(np.uint8)
-
-
-def look_at(shown: bpy.types.Object) -> bpy.types.Object:
-    """Put nothing but the mesh and a camera from its front left into the picture, in flat colours."""
-    scene = bpy.context.scene
-    for other in bpy.data.objects:
-        other.hide_render = other is not shown
-    scene.render.engine = "BLENDER_WORKBENCH"
-    scene.render.resolution_x = scene.render.resolution_y = SIZE
-    scene.render.film_transparent, scene.render.dither_intensity = True, 0
-    scene.render.image_settings.file_format, scene.render.image_settings.color_mode = "PNG", "RGBA"
-    scene.display.render_aa, scene.view_settings.view_transform = "OFF", "Standard"
-    scene.display.shading.light, scene.display.shading.color_type = "FLAT", "VERTEX"
-    corners = np.array([list(shown.matrix_world @ Vector(corner)) for corner in shown.bound_box])
-    height = float(np.ptp(corners[:, 2]))
-    lens = bpy.data.cameras.new("camera")
-    lens.type, lens.ortho_scale, lens.clip_end = "ORTHO", 1.1 * height, 10 * height
-    camera = scene.camera = bpy.data.objects.new("camera", lens)
-    scene.collection.objects.link(camera)
-    towards = Vector((0.5, -1.0, 0.15)).normalized()
-    camera.location = Vector(corners.mean(axis=0)) + towards * 3 * height
-    camera.rotation_euler = towards.to_track_quat("Z", "Y").to_euler()
-    bpy.context.view_layer.update()
-    return camera
-
-
-def render(path: Path) -> np.ndarray:
-    """Give (h, w, 4) bytes, row 0 at the bottom."""
-    bpy.context.scene.render.filepath = str(path)
-    bpy.ops.render.render(write_still=True)
-    picture = bpy.data.images.load(str(path))
-    picture.colorspace_settings.name = "Non-Color"
-    values = np.empty(SIZE * SIZE * 4, np.float32)
-    picture.pixels.foreach_get(values)
-    return np.rint(values.reshape(SIZE, SIZE, 4) * 255).astype(np.uint8)
 
 
 def main() -> int:
