@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -109,6 +111,31 @@ def test_controls_need_no_add_on(hard: bpy.types.Object) -> None:
     assert len(drivers) > 36 + 15
     assert all(curve.driver.is_valid and curve.driver.is_simple_expression for curve in drivers)
     assert not any(curve.keyframe_points or curve.driver.use_self for curve in drivers)
+
+
+WITHOUT_ADD_ON = """
+import sys, bpy, numpy as np
+bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
+assert not hasattr(bpy.types.Mesh, "sacha")
+shown, graph, posed = bpy.data.objects["hard"], bpy.context.evaluated_depsgraph_get(), []
+for frame in range(bpy.context.scene.frame_start, bpy.context.scene.frame_end + 1):
+    bpy.context.scene.frame_set(frame)
+    mesh = shown.evaluated_get(graph).data
+    values = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", values)
+    posed.append(values.reshape(-1, 3))
+np.save(sys.argv[2], np.stack(posed))
+"""
+
+
+def test_a_saved_head_plays_where_the_add_on_is_not_installed(addon: ModuleType, rigs: Rigs, tmp_path: Path) -> None:
+    rigs.open("hard.sacha")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "hard.blend"), check_existing=False)
+    command = [sys.executable, "-c", WITHOUT_ADD_ON, tmp_path / "hard.blend", tmp_path / "posed.npy"]
+    elsewhere = os.environ | {"BLENDER_USER_RESOURCES": str(tmp_path)}
+    subprocess.run(command, check=True, env=elsewhere, timeout=MATERIAL_TIME_LIMIT_S)
+    for shown, vertices in zip(np.load(tmp_path / "posed.npy"), rigs.truth["posed"], strict=True):
+        assert np.abs(shown - in_blenders_axes(vertices)).max() <= POSE_ERROR_M
 
 
 def test_controls_read_back_what_was_dialled(addon: ModuleType, hard: bpy.types.Object, rigs: Rigs) -> None:
