@@ -10,8 +10,10 @@ from .features import corner_coordinates, counts_corners
 
 __all__ = [
     "corner_colours",
-    "face_integers",
+    "face_numbers",
     "new_mesh",
+    "read_face_integers",
+    "select_faces",
     "show_colours",
     "texture_coordinates",
     "to_blender",
@@ -65,16 +67,45 @@ def new_mesh(name: str, vertices: np.ndarray, faces: np.ndarray) -> bpy.types.Me
     return mesh
 
 
-def face_integers(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
-    """Store one whole number a triangle as a FACE attribute; (f,) values."""
-    attribute = _new_attribute(mesh, name, "INT", "FACE", len(values))
-    attribute.data.foreach_set("value", np.ascontiguousarray(values, np.int32))
+def face_numbers(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
+    """Store one number a face as a FACE attribute, INT for whole numbers and else FLOAT, in place of what it held; (f,) values."""
+    kind, number = ("INT", np.int32) if np.issubdtype(values.dtype, np.integer) else ("FLOAT", np.float32)
+    attribute = _attribute(mesh, name, kind, "FACE", len(values))
+    attribute.data.foreach_set("value", np.ascontiguousarray(values, number))
+
+
+def read_face_integers(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
+    """Give the (f,) whole numbers of a FACE attribute."""
+    values = np.empty(len(mesh.polygons), np.int32)
+    mesh.attributes[name].data.foreach_get("value", values)
+    return values
 
 
 def corner_colours(mesh: bpy.types.Mesh, name: str, colours: np.ndarray) -> None:
-    """Store one colour a triangle at its three corners, so that its edges stay hard; (f, 4) linear RGBA."""
-    attribute = _new_attribute(mesh, name, "FLOAT_COLOR", "CORNER", 3 * len(colours))
-    attribute.data.foreach_set("color", np.repeat(colours.astype(np.float32), 3, axis=0).ravel())
+    """Store one colour a face at all of its corners, so that its edges stay hard, in place of what was there; (f, 4) linear RGBA."""
+    corners = np.empty(len(mesh.polygons), np.int32)
+    mesh.polygons.foreach_get("loop_total", corners)
+    attribute = _attribute(mesh, name, "FLOAT_COLOR", "CORNER", len(mesh.loops))
+    attribute.data.foreach_set("color", np.repeat(colours.astype(np.float32), corners, axis=0).ravel())
+
+
+def select_faces(mesh: bpy.types.Mesh, chosen: np.ndarray, *, extend: bool) -> None:
+    """Select faces with their edges and vertices, alone or besides those that are selected; (f,) chosen."""
+    corners = np.empty(len(mesh.polygons), np.int32)
+    mesh.polygons.foreach_get("loop_total", corners)
+    of_corner = np.repeat(chosen, corners)
+    for elements, index in ((mesh.vertices, "vertex_index"), (mesh.edges, "edge_index"), (mesh.polygons, "")):
+        selected = np.zeros(len(elements), bool)
+        if extend:
+            elements.foreach_get("select", selected)
+        if index:
+            of_loop = np.empty(len(mesh.loops), np.int32)
+            mesh.loops.foreach_get(index, of_loop)
+            selected[of_loop[of_corner]] = True
+        else:
+            selected |= chosen
+        elements.foreach_set("select", selected)
+    mesh.update()
 
 
 def texture_coordinates(mesh: bpy.types.Mesh, name: str, uv: np.ndarray) -> None:
@@ -91,11 +122,17 @@ def show_colours(mesh: bpy.types.Mesh, name: str) -> None:
     colours.render_color_index = colours.find(name)
 
 
-def _new_attribute(mesh: bpy.types.Mesh, name: str, kind: str, domain: str, length: int) -> bpy.types.Attribute:
-    """Make an attribute, and make sure that it is there and as long as it must be."""
+def _attribute(mesh: bpy.types.Mesh, name: str, kind: str, domain: str, length: int) -> bpy.types.Attribute:
+    """Find or make an attribute, and make sure that it is what it must be."""
     if len(name.encode()) > LONGEST_NAME:
         raise ValueError(f"the attribute name {name!r} is longer than Blender's {LONGEST_NAME} bytes")
-    attribute = mesh.attributes.new(name, kind, domain)
+    attribute = mesh.attributes.get(name)
+    if attribute is None:
+        attribute = mesh.attributes.new(name, kind, domain)
+    elif (attribute.data_type, attribute.domain) != (kind, domain):
+        raise ValueError(
+            f"{mesh.name} has an attribute {name!r} of another kind ({attribute.domain} {attribute.data_type}): rename it first"
+        )
     if attribute is None or len(attribute.data) != length:
         raise ValueError(f"Blender made no {domain} attribute {name!r} of {length} values")
     return attribute

@@ -85,6 +85,25 @@ def opened_blend(installed: str, material: Material, tmp_path_factory: pytest.Te
     return path
 
 
+@pytest.fixture(scope="session")
+def seen_blend(installed: str, material: Material, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A .blend of the material's avatar with scores, compared with another one: every view that there can be."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.context.preferences.addons[installed].preferences.engine_python = ENGINE
+    bpy.ops.sacha.open(filepath=str(material.folder / "scored.sacha"))
+    bpy.ops.sacha.compare(filepath=str(material.folder / "other.sacha"))
+    path = tmp_path_factory.mktemp("seen") / "seen.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), check_existing=False)
+    return path
+
+
+@pytest.fixture
+def seen(addon: ModuleType, seen_blend: Path) -> bpy.types.Object:
+    """The avatar with scores, compared with another one, as the active object of the scene."""
+    bpy.ops.wm.open_mainfile(filepath=str(seen_blend))
+    return bpy.context.object
+
+
 @pytest.fixture
 def opened(addon: ModuleType, opened_blend: Path) -> bpy.types.Object:
     """The avatar of the material as the active object of the scene."""
@@ -92,11 +111,11 @@ def opened(addon: ModuleType, opened_blend: Path) -> bpy.types.Object:
     return bpy.context.object
 
 
-def face_attribute(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
-    """Give a whole number a triangle."""
+def face_attribute(mesh: bpy.types.Mesh, name: str, kind: str = "INT") -> np.ndarray:
+    """Give a number a triangle: a whole one, or (FLOAT) any."""
     attribute = mesh.attributes[name]
-    assert (attribute.domain, attribute.data_type) == ("FACE", "INT")
-    values = np.empty(len(attribute.data), np.int32)
+    assert (attribute.domain, attribute.data_type) == ("FACE", kind)
+    values = np.empty(len(attribute.data), np.int32 if kind == "INT" else np.float32)
     attribute.data.foreach_get("value", values)
     return values
 

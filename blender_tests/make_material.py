@@ -4,6 +4,8 @@ Usage: make_material.py FOLDER
 
 `truth.npz`: `vertices` of the avatar's person, `faces`, `labels`, `count`, `region_srgb` (r, 3) uint8, `count_linear` (f, 4),
 `mesh_vertices` of the OBJ and PLY.
+`seen.npz`: for each view of scored.sacha against other.sacha its numbers (NAME) and the sRGB bytes of every triangle, by its own number
+(NAME_triangle) and by its region's (NAME_region).
 `told.json`: the regions in order, the number of Gaussians of each, and the head's name.
 """
 
@@ -18,17 +20,23 @@ import numpy as np
 import trimesh
 
 import sacha_core
+from sacha_core.cli.common import HeadSource
+from sacha_core.cli.scene import Extras, open_scene
+from sacha_core.density.events import Calibration
+from sacha_core.density.scores_file import Scores, write_scores
 from sacha_core.flame.head_file import save_head
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import person_template
 from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.interchange.splat_ply import write_bound_ply
 from sacha_core.regions.scheme import PAPER
-from sacha_core.scene.colours import linear_count_colours
+from sacha_core.scene.palettes import palette_bytes
 
 SEED = 20
 N_FRAMES = 3
 LARGEST_COUNT = 40
+CALIBRATED = {"modulator": (0.5, 2.0), "threshold": (1e-4, 4e-4), "ratio": (0.1, 0.6)}
+KEPT = 0.7  # of the avatar, in the one that it is compared with
 STRANGERS_SIZE = np.float32(1.01)  # another head than the one its avatar could be opened with by name
 
 
@@ -76,6 +84,31 @@ def write_meshes(folder: Path, head: HeadModel, vertices: np.ndarray) -> None:
     trimesh.Trimesh(vertices, skin, process=False).export(folder / "head.ply")
 
 
+def write_seen(folder: Path, head: HeadModel, avatar: sacha_core.Avatar, rng: np.random.Generator) -> None:
+    """Write an avatar with scores, another one to compare it with, and what the engine says that is to be seen."""
+    n = len(avatar.gaussians)
+    scored = replace(avatar.gaussians, sensitivity_logit=rng.normal(-1, 1, n).astype(np.float32))
+    numbers = {name: tuple(rng.uniform(*ends, len(PAPER.regions)).tolist()) for name, ends in CALIBRATED.items()}
+    none, whole = (None,) * len(PAPER.regions), (0,) * len(PAPER.regions)
+    event = Calibration(1, whole, whole, none, none, none, None, None, None, **numbers, used="visible")
+    write_scores(folder / "scored.scores.npz", Scores(scored, rng.random(n), head.n_faces, PAPER.name, (event,)))
+    (folder / "scored.sacha").write_bytes((folder / "avatar.sacha").read_bytes())
+    other = replace(avatar, gaussians=avatar.gaussians.select(np.flatnonzero(rng.random(n) < KEPT)))
+    (folder / "other.sacha").write_bytes(sacha_core.encode(other, level=2, head=head))
+
+    scene = open_scene(folder / "scored.sacha", HeadSource(), Extras(compare=folder / "other.sacha"))
+    seen = {}
+    for name, view in scene.views.items():
+        palette = np.array(PAPER.colours, np.uint8) if view.palette == "region" else palette_bytes(view.palette)
+        by_region = np.array([number.level for number in view.by_region])
+        seen |= {
+            name: view.values,
+            f"{name}_triangle": palette[view.levels],
+            f"{name}_region": palette[by_region[scene.views["region"].values]],
+        }
+    np.savez(folder / "seen.npz", **seen)
+
+
 def main(folder: Path) -> None:
     """Write everything into `folder`."""
     rng = np.random.default_rng(SEED)
@@ -100,7 +133,6 @@ def main(folder: Path) -> None:
         faces=head.faces,
         labels=labels,
         count=count,
-        count_linear=linear_count_colours(count),
         ply_count=np.bincount(avatar.gaussians.binding, minlength=head.n_faces),
         region_srgb=np.array(PAPER.colours, np.uint8),
         mesh_vertices=mesh_vertices,
@@ -108,6 +140,7 @@ def main(folder: Path) -> None:
         uv=head.uv[head.uv_faces],
         n_skin=head.n_faces - head.n_teeth_faces,
     )
+    write_seen(folder, head, avatar, rng)
     gaussians = sacha_core.region_counts(labels, decoded.gaussians.binding)
     told = {"regions": PAPER.regions, "gaussians": gaussians.tolist(), "head": head.name}
     (folder / "told.json").write_text(json.dumps(told))

@@ -40,7 +40,7 @@ def test_faces_keep_order_and_direction(square: bpy.types.Mesh) -> None:
 
 def test_numbers_are_stored_as_they_are(bridge: ModuleType, square: bpy.types.Mesh) -> None:
     values = np.array([-7, 2**31 - 1])
-    bridge.face_integers(square, "number", values)
+    bridge.face_numbers(square, "number", values)
     assert np.array_equal(face_attribute(square, "number"), values)
 
 
@@ -69,17 +69,17 @@ def test_the_colours_shown_are_also_those_rendered(bridge: ModuleType, square: b
 @pytest.mark.parametrize("name", ["n" * 64, "ü" * 32])
 def test_a_name_that_blender_would_drop_is_refused(bridge: ModuleType, square: bpy.types.Mesh, name: str) -> None:
     with pytest.raises(ValueError, match="longer than Blender's 63 bytes"):
-        bridge.face_integers(square, name, np.zeros(2))
+        bridge.face_numbers(square, name, np.zeros(2, int))
 
 
 def test_the_longest_name_is_kept(bridge: ModuleType, square: bpy.types.Mesh) -> None:
-    bridge.face_integers(square, "n" * 63, np.array([3, 4]))
+    bridge.face_numbers(square, "n" * 63, np.array([3, 4]))
     assert face_attribute(square, "n" * 63).tolist() == [3, 4]
 
 
 def test_too_few_values_are_refused(bridge: ModuleType, square: bpy.types.Mesh) -> None:
     with pytest.raises(ValueError, match="no FACE attribute 'short' of 1 values"):
-        bridge.face_integers(square, "short", np.zeros(1))
+        bridge.face_numbers(square, "short", np.zeros(1, int))
 
 
 def test_triangles_that_blender_drops_are_refused_and_leave_nothing(bridge: ModuleType) -> None:

@@ -29,22 +29,34 @@ def fresh(addon: ModuleType, material: Material) -> bpy.types.Object:
     return bpy.context.object
 
 
-def test_a_blend_keeps_all_that_was_opened(fresh: bpy.types.Object, opened_blend: Path) -> None:
-    arrays = [face_attribute(fresh.data, name) for name in ("region", "count")]
-    arrays += [corner_colours(fresh.data, name) for name in ("region_colour", "count_colour")]
-    arrays += [positions(fresh.data), triangles(fresh.data)]
-    legend = [
-        (line.view, line.name, tuple(line.colour), line.triangles, line.gaussians) for line in fresh.data.sacha.legend
+def kept_of(mesh: bpy.types.Mesh) -> list:
+    """Everything that opening leaves with a mesh."""
+    shown = mesh.sacha
+    rows = [{name: getattr(row, name) for name in row.bl_rna.properties.keys()} for row in shown.regions]  # noqa: SIM118
+    views = [
+        (view.name, view.label, view.palette, [(line.name, tuple(line.colour)) for line in view.legend])
+        for view in shown.views
     ]
+    texts = [shown.source, shown.kind, shown.head, shown.scheme, shown.view, shown.by, shown.n_faces, shown.columns]
+    return [
+        texts,
+        views,
+        [{key: str(value) if key in {"colour", "rna_type"} else value for key, value in row.items()} for row in rows],
+        [fact.name for fact in shown.facts],
+        [number.value for view in shown.views for number in view.by_region],
+    ]
+
+
+def test_a_blend_keeps_all_that_was_opened(fresh: bpy.types.Object, opened_blend: Path) -> None:
+    def arrays(mesh: bpy.types.Mesh) -> list[np.ndarray]:
+        whole = [face_attribute(mesh, name) for name in ("region", "count", "region_level", "count_level")]
+        return [*whole, corner_colours(mesh, "sacha_colour"), positions(mesh), triangles(mesh)]
+
+    opened, said = arrays(fresh.data), kept_of(fresh.data)
     bpy.ops.wm.open_mainfile(filepath=str(opened_blend))
     kept = bpy.context.object.data
-    again = [face_attribute(kept, name) for name in ("region", "count")]
-    again += [corner_colours(kept, name) for name in ("region_colour", "count_colour")]
-    again += [positions(kept), triangles(kept)]
-    assert all(np.array_equal(one, other) for one, other in zip(arrays, again, strict=True))
-    assert [
-        (line.view, line.name, tuple(line.colour), line.triangles, line.gaussians) for line in kept.sacha.legend
-    ] == legend
+    assert all(np.array_equal(one, other) for one, other in zip(opened, arrays(kept), strict=True))
+    assert kept_of(kept) == said
 
 
 def test_an_avatar_has_its_persons_shape_and_the_heads_triangles(opened: bpy.types.Object, material: Material) -> None:
@@ -63,7 +75,7 @@ def test_regions_and_counts_are_the_engines_own(opened: bpy.types.Object, materi
 
 
 def test_region_colours_are_the_schemes(opened: bpy.types.Object, material: Material) -> None:
-    colours = corner_colours(opened.data, "region_colour")
+    colours = corner_colours(opened.data, "sacha_colour")
     assert (colours == colours[:, :1]).all()  # hard edges: the three corners of a triangle agree
     expected = srgb_decoded(material.truth["region_srgb"])[material.truth["labels"]]
     assert np.abs(colours[:, 0, :3] - expected).max() <= COLOUR_ERROR
@@ -72,7 +84,8 @@ def test_region_colours_are_the_schemes(opened: bpy.types.Object, material: Mate
 
 def test_count_colours_darken_as_counts_grow(opened: bpy.types.Object) -> None:
     count = face_attribute(opened.data, "count")
-    colours = corner_colours(opened.data, "count_colour")[:, 0, :3]
+    opened.data.sacha.view = "COUNT"
+    colours = corner_colours(opened.data, "sacha_colour")[:, 0, :3]
     of_count = {int(n): colours[count == n] for n in np.unique(count)}
     assert all((same == same[0]).all() for same in of_count.values())
     light = [
@@ -81,22 +94,14 @@ def test_count_colours_darken_as_counts_grow(opened: bpy.types.Object) -> None:
     assert (np.diff(light) < 0).all()
 
 
-def test_the_legend_says_what_the_triangles_say(opened: bpy.types.Object, material: Material) -> None:
-    lines = [line for line in opened.data.sacha.legend if line.view == "region"]
-    assert [line.name for line in lines] == material.told["regions"]
-    assert [line.gaussians for line in lines] == material.told["gaussians"]
-    assert [line.triangles for line in lines] == np.bincount(material.truth["labels"], minlength=len(lines)).tolist()
-    assert sum(line.gaussians for line in lines) == material.truth["count"].sum()
-    counts = [line.name for line in opened.data.sacha.legend if line.view == "count"]
+def test_the_table_says_what_the_triangles_say(opened: bpy.types.Object, material: Material) -> None:
+    rows = opened.data.sacha.regions
+    assert [row.name for row in rows] == material.told["regions"]
+    assert [row.gaussians for row in rows] == material.told["gaussians"]
+    assert [row.triangles for row in rows] == np.bincount(material.truth["labels"], minlength=len(rows)).tolist()
+    assert sum(row.gaussians for row in rows) == material.truth["count"].sum()
+    counts = [line.name for line in opened.data.sacha.views["count"].legend]
     assert (counts[0], counts[-1]) == ("0", str(material.truth["count"].max()))
-
-
-def test_choosing_a_view_changes_the_colours_that_are_shown(opened: bpy.types.Object) -> None:
-    assert opened.data.color_attributes.active_color.name == "region_colour"
-    opened.data.sacha.view = "COUNT"
-    assert opened.data.color_attributes.active_color.name == "count_colour"
-    opened.data.sacha.view = "REGION"
-    assert opened.data.color_attributes.active_color.name == "region_colour"
 
 
 def test_a_ply_of_bound_gaussians_opens_like_the_avatar(addon: ModuleType, material: Material) -> None:
@@ -135,7 +140,7 @@ def test_a_mesh_without_a_head_opens_and_says_what_it_lacks(addon: ModuleType, m
     bpy.ops.sacha.open(filepath=str(material.folder / "head.obj"))
     mesh = bpy.context.object.data
     assert len(mesh.polygons) == len(material.truth["faces"])
-    assert not mesh.sacha.legend
+    assert not mesh.sacha.views
     assert "region" not in mesh.attributes
 
 
@@ -161,8 +166,11 @@ def test_two_avatars_lie_side_by_side_in_the_scene(opened: bpy.types.Object, mat
     second = bpy.context.object
     assert second != opened
     assert second.data != opened.data
+    before = corner_colours(opened.data, "sacha_colour")
     second.data.sacha.view = "COUNT"
-    assert opened.data.color_attributes.active_color.name == "region_colour"
+    assert opened.data.sacha.view == "REGION"
+    assert np.array_equal(corner_colours(opened.data, "sacha_colour"), before)
+    assert not np.array_equal(corner_colours(second.data, "sacha_colour"), before)
 
 
 BROKEN = {

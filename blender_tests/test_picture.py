@@ -17,7 +17,7 @@ BORDER_PIXELS = (
 
 
 @pytest.fixture
-def camera(opened: bpy.types.Object) -> bpy.types.Object:
+def camera(seen: bpy.types.Object) -> bpy.types.Object:
     """Look at the opened head from the front left, the whole head in view, without perspective."""
     scene = bpy.context.scene
     scene.render.engine = "BLENDER_WORKBENCH"
@@ -32,7 +32,7 @@ def camera(opened: bpy.types.Object) -> bpy.types.Object:
     scene.display.shading.color_type = "VERTEX"
     scene.view_settings.view_transform = "Standard"
 
-    corners = np.array([list(corner) for corner in opened.bound_box])
+    corners = np.array([list(corner) for corner in seen.bound_box])
     centre, height = corners.mean(axis=0), np.ptp(corners[:, 2])
     lens = bpy.data.cameras.new("camera")
     lens.type, lens.ortho_scale = "ORTHO", float(1.1 * height)
@@ -58,7 +58,7 @@ def render(path: Path) -> np.ndarray:
     return np.rint(values.reshape(SIZE, SIZE, 4) * 255).astype(np.uint8)
 
 
-def seen(camera: bpy.types.Object, shown: bpy.types.Object) -> tuple[np.ndarray, np.ndarray]:
+def met_by_pixels(camera: bpy.types.Object, shown: bpy.types.Object) -> tuple[np.ndarray, np.ndarray]:
     """Cast a ray through each pixel's centre: (h, w) the triangle it meets, -1 for none; and whether an edge is near."""
     frame = camera.data.view_frame(
         scene=bpy.context.scene
@@ -77,30 +77,41 @@ def seen(camera: bpy.types.Object, shown: bpy.types.Object) -> tuple[np.ndarray,
     return met[0], (met != met[0]).any(axis=0)
 
 
-@pytest.mark.parametrize("view", ["REGION", "COUNT"])
-def test_every_pixel_has_the_colour_of_the_triangle_behind_it(
-    opened: bpy.types.Object, camera: bpy.types.Object, material: Material, view: str, tmp_path: Path
+VIEWS = (
+    "region", "count", "density", "bytes", "opacity", "sensitivity", "modulator", "threshold", "ratio", "count_change", "density_change",
+    "bytes_change", "opacity_change",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def expected(material: Material) -> dict[str, np.ndarray]:
+    """What the engine says that is to be seen, as sRGB bytes of triangles."""
+    with np.load(material.folder / "seen.npz") as arrays:
+        return dict(arrays)
+
+
+def test_every_pixel_of_every_view_has_the_colour_of_the_triangle_behind_it(
+    seen: bpy.types.Object, camera: bpy.types.Object, expected: dict[str, np.ndarray], tmp_path: Path
 ) -> None:
-    opened.data.sacha.view = view
-    picture = render(tmp_path / "picture.png")
-    face, near_edge = seen(camera, opened)
+    assert {view.name for view in seen.data.sacha.views} >= set(VIEWS)
+    face, near_edge = met_by_pixels(camera, seen)
     sure = ~near_edge
     assert sure.mean() > 0.9
-    background = sure & (face < 0)
-    assert (picture[background] == 0).all()
-    on_head = sure & (face >= 0)
+    background, on_head = sure & (face < 0), sure & (face >= 0)
     assert on_head.mean() > 0.2
-    if view == "REGION":  # the scheme's own bytes: nothing between the engine and the picture changes a colour
-        expected = material.truth["region_srgb"][material.truth["labels"][face[on_head]]]
-        assert len(np.unique(expected, axis=0)) >= 6
-    else:
-        expected = srgb_encoded(material.truth["count_linear"][face[on_head], :3])
-    assert (picture[on_head][:, 3] == 255).all()
-    assert np.array_equal(picture[on_head][:, :3], expected)
-
-
-def srgb_encoded(linear: np.ndarray) -> np.ndarray:
-    """IEC 61966-2-1 to bytes."""
-    linear = linear.astype(np.float64)
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.rint(255 * encoded).astype(np.uint8)
+    pictures = set()
+    for view in VIEWS:
+        for by in ("TRIANGLE", "REGION"):
+            seen.data.sacha.view, seen.data.sacha.by = view.upper(), by
+            picture = render(tmp_path / f"{view}_{by}.png")
+            colours = expected[f"{view}_{by.lower()}"][face[on_head]]
+            assert (picture[background] == 0).all(), view
+            assert (picture[on_head][:, 3] == 255).all(), view
+            assert np.array_equal(picture[on_head][:, :3], colours), (
+                view,
+                by,
+            )  # the engine's own bytes: nothing on the way changes them
+            assert len(np.unique(colours, axis=0)) >= 6 or by == "REGION", view
+            pictures.add(picture.tobytes())
+    numbers_of_regions = {"region", "modulator", "threshold", "ratio"}
+    assert len(pictures) == 2 * len(VIEWS) - len(numbers_of_regions)

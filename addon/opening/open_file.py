@@ -11,7 +11,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from .. import bridge, engine, preferences, running, sources
 from ..job import Job
-from ..seeing import shown as showing
+from ..seeing import numbers
 from . import cameras, controls, rigging
 from .scene_folder import SceneFolder, read_scene_folder
 
@@ -132,10 +132,7 @@ def show(context: bpy.types.Context, opened: SceneFolder, source: Path) -> tuple
     mesh = bridge.new_mesh(opened.name, opened.vertices, opened.faces)
     if opened.uv is not None:
         bridge.texture_coordinates(mesh, "uv", opened.uv)
-    for view in opened.views:
-        bridge.face_integers(mesh, view.name, view.values)
-        bridge.corner_colours(mesh, showing.colour_attribute(view.name), view.colours)
-    _describe(mesh.sacha, opened, source)
+    numbers.describe(mesh, opened, source)
 
     shown = bpy.data.objects.new(opened.name, mesh)
     context.collection.objects.link(shown)
@@ -148,20 +145,6 @@ def show(context: bpy.types.Context, opened: SceneFolder, source: Path) -> tuple
     context.view_layer.objects.active = shown
     _show_colours_in_views(context)
     return shown, notes
-
-
-def _describe(shown: showing.SachaShown, opened: SceneFolder, source: Path) -> None:
-    """Keep with the mesh what its colours mean and where it comes from."""
-    shown.source, shown.kind, shown.head = str(source), opened.kind, opened.head
-    for fact in opened.facts:
-        shown.facts.add().name = fact
-    for view in opened.views:
-        for told in view.legend:
-            line = shown.legend.add()
-            line.view, line.name, line.colour = view.name, told["label"], told["colour"]
-            line.triangles, line.gaussians = told.get("triangles", 0), told.get("gaussians", 0)
-    if opened.views:
-        shown.view = opened.views[0].name.upper()
 
 
 def _show_colours_in_views(context: bpy.types.Context) -> None:

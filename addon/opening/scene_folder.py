@@ -18,16 +18,26 @@ class View:
     """One number a triangle, its colours, and what they mean.
 
     Args:
-        name: of the attribute, "region" or "count".
-        values: (f,) int32.
-        colours: (f, 4) float32 linear RGBA, a view of `values`.
-        legend: lines of the legend, top to bottom: `label`, `colour` (linear RGB), and for regions `triangles` and `gaussians`.
+        name: of the attribute: "region", "count" ...
+        values: (f,) int32 or float32; NaN where nothing is known.
+        levels: (f,) int32, the colour of each triangle as a row of the palette.
+        label: what people call it.
+        unit: of the values, or empty.
+        about: a sentence that says what it is.
+        palette: name of an array of the part `palettes`.
+        legend: lines of the legend, top to bottom: `label` and `level`.
+        by_region: for each region `value` (None where not known), `level` and `text`; empty where regions are not known.
     """
 
     name: str
     values: np.ndarray
-    colours: np.ndarray
+    levels: np.ndarray
+    label: str
+    unit: str
+    about: str
+    palette: str
     legend: list[dict[str, Any]]
+    by_region: list[dict[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -56,6 +66,7 @@ class SceneFolder:
         views: what can be shown on it; none where its regions are not known.
         facts: lines that say what it is (number of Gaussians, bytes, frames).
         notes: what the user should know, one line each.
+        absent: which further views there could be, and how to get them, one line each.
         head: where the engine found its head model, or its name.
         parts: what else there is, by name; each is described where the engine makes it, `sacha_core/scene/NAME.py`.
     """
@@ -68,6 +79,7 @@ class SceneFolder:
     views: list[View]
     facts: list[str]
     notes: list[str]
+    absent: list[str]
     head: str
     parts: dict[str, Part]
 
@@ -79,7 +91,7 @@ def read_scene_folder(folder: Path) -> SceneFolder:
     def array(name: str) -> np.ndarray:
         return np.load(folder / f"{name}.npy", allow_pickle=False)
 
-    views = [View(name, array(name), array(f"{name}_colour"), legend) for name, legend in told["views"].items()]
+    views = [View(name, array(name), array(f"{name}_level"), **said) for name, said in told["views"].items()]
     parts = {
         name: Part({field: array(f"{name}_{field}") for field in part["arrays"]}, part["values"])
         for name, part in told["parts"].items()
@@ -93,6 +105,7 @@ def read_scene_folder(folder: Path) -> SceneFolder:
         views,
         told["facts"],
         told["notes"],
+        told["absent"],
         told["head"],
         parts,
     )

@@ -3,6 +3,6 @@
 
 from __future__ import annotations
 
-from . import panel, shown
+from . import compare, panel, selecting, shown, table
 
-PARTS = (shown, panel)
+PARTS = (shown, selecting, table, compare, panel)

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sidebar's panel of what a mesh shows: facts, the view, its legend."""
+"""The sidebar's panel of what a mesh shows: facts, the view, its legend, the table of regions."""
 
 from __future__ import annotations
 
 import bpy
 
-from .shown import shown_by
+from .shown import edited, shown_by
+from .table import draw_table
 
 __all__ = ["CLASSES"]
 
@@ -19,7 +20,9 @@ class SachaShownPanel(bpy.types.Panel):
     bl_label = "Gaussians"
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
+    bl_category = "SACHA"
     bl_parent_id = "SACHA_PT_main"
+    bl_order = 10
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -31,35 +34,74 @@ class SachaShownPanel(bpy.types.Panel):
         layout, shown = self.layout, shown_by(context)
         for fact in shown.facts:
             layout.label(text=fact.name)
-        if not shown.legend:
+        if complaint := edited(context.object.data):
+            for line in complaint.split(": "):
+                layout.label(text=line, icon="ERROR")
+        if not shown.views:
             layout.label(text="Its regions are not known: name its head model and open it again", icon="INFO")
-            return
-        if len({line.view for line in shown.legend}) > 1:
-            layout.row().prop(shown, "view", expand=True)
-        lines = [line for line in shown.legend if line.view == shown.view.lower()]
-        column = layout.column(align=True)
-        if shown.view == "REGION":
-            _legend_row(column, None, "Region", "Triangles", "Gaussians")
-        for line in lines:
-            numbers = (f"{line.triangles:,}", f"{line.gaussians:,}") if shown.view == "REGION" else ()
-            _legend_row(column, line, line.name, *numbers)
+        else:
+            _draw_view(layout, shown)
+        for line in shown.absent:
+            layout.label(text=line.name, icon="INFO")
+        if shown.kind == "avatar":
+            row = layout.row(align=True)
+            row.operator("sacha.compare", icon="UV_SYNC_SELECT")
+            row.operator("sacha.refresh", icon="FILE_REFRESH")
 
 
-def _legend_row(column: bpy.types.UILayout, line: bpy.types.PropertyGroup | None, label: str, *numbers: str) -> None:
-    """Draw one line of a legend: its colour, its name, its numbers; without a colour it is the heading."""
+class SachaRegionsPanel(bpy.types.Panel):
+    """The table of the active mesh's regions."""
+
+    bl_idname = "SACHA_PT_regions"
+    bl_label = "Regions"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "SACHA"
+    bl_parent_id = "SACHA_PT_main"
+    bl_order = 11
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only for meshes with regions."""
+        shown = shown_by(context)
+        return shown is not None and len(shown.regions) > 0
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        draw_table(self.layout, shown_by(context))
+
+
+def _draw_view(layout: bpy.types.UILayout, shown: bpy.types.PropertyGroup) -> None:
+    """Draw the choice of a view and its legend: round numbers of triangles, or the number of each region."""
+    if len(shown.views) > 1:
+        layout.prop(shown, "view", text="")
+    view = shown.shown_view()
+    if view is None:
+        return
+    has_both = view.name != "region" and len(view.by_region) > 0
+    if has_both:
+        layout.row().prop(shown, "by", expand=True)
+    column = layout.column(align=True)
+    if has_both and shown.by == "REGION":
+        for region, number in zip(shown.regions, view.by_region, strict=False):
+            _legend_row(column, number, region.name, f"{number.name} {view.unit}".strip())
+        return
+    for line in view.legend:
+        _legend_row(column, line, f"{line.name} {view.unit}".strip())
+
+
+def _legend_row(column: bpy.types.UILayout, line: bpy.types.PropertyGroup, label: str, number: str = "") -> None:
+    """Draw one line of a legend: its colour, its name, its number."""
     split = column.split(factor=SWATCH)
-    if line is None:
-        split.label(text="")
-    else:
-        swatch = split.row()
-        swatch.enabled = False
-        swatch.prop(line, "colour", text="")
+    swatch = split.row()
+    swatch.enabled = False
+    swatch.prop(line, "colour", text="")
     rest = split.row()
     rest.label(text=label)
-    for number in numbers:
+    if number:
         cell = rest.row()
         cell.alignment = "RIGHT"
         cell.label(text=number)
 
 
-CLASSES = (SachaShownPanel,)
+CLASSES = (SachaShownPanel, SachaRegionsPanel)

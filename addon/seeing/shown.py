@@ -5,42 +5,100 @@ from __future__ import annotations
 
 import bpy
 from bpy.props import (
+    BoolProperty,
     CollectionProperty,
     EnumProperty,
+    FloatProperty,
     FloatVectorProperty,
     IntProperty,
     PointerProperty,
     StringProperty,
 )
 
-from .. import bridge
+from . import painting, selecting
 
-__all__ = ["CLASSES", "attach", "colour_attribute", "detach", "shown_by"]
+__all__ = ["CLASSES", "SORTS", "attach", "detach", "edited", "shown_by"]
+
+NOTHING = ("NONE", "Nothing", "Nothing is known of its triangles", 0)
+SORTS = (  # property of a row, heading, what it is
+    ("place", "Region", "In the order of the scheme"),
+    ("gaussians", "Count", "Gaussians of the region"),
+    ("share", "Share", "Part of all Gaussians"),
+    ("n_bytes", "Bytes", "Bytes of the file that describe the region's Gaussians"),
+    ("before", "Before", "Gaussians that the region had before"),
+    ("change", "Change", "Gaussians more than before"),
+    ("bytes_change", "Bytes Change", "Bytes more than before"),
+)
+_items: dict[
+    tuple[tuple[str, str, str], ...], list[tuple[str, str, str, int]]
+] = {}  # Blender keeps no reference of its own
 
 
-def colour_attribute(view: str) -> str:
-    """Name of the colour attribute that shows a number attribute."""
-    return f"{view}_colour"
+def _views(shown: SachaShown, context: bpy.types.Context | None) -> list[tuple[str, str, str, int]]:  # noqa: ARG001
+    """Give the views that the mesh has, in their order."""
+    key = tuple((view.name, view.label, view.about) for view in shown.views)
+    if key not in _items:
+        _items[key] = [(name.upper(), label, about, place) for place, (name, label, about) in enumerate(key)]
+    return _items[key] or [NOTHING]
 
 
 def _view_changed(shown: SachaShown, context: bpy.types.Context) -> None:  # noqa: ARG001  (Blender's signature)
     """Show the colours of the view that was chosen."""
-    name = colour_attribute(shown.view.lower())
-    if name in shown.id_data.color_attributes:
-        bridge.show_colours(shown.id_data, name)
+    painting.paint(shown.id_data)
+
+
+def _region_chosen(shown: SachaShown, context: bpy.types.Context) -> None:  # noqa: ARG001  (Blender's signature)
+    """Select the faces of the region whose row was chosen."""
+    if 0 <= shown.active_region < len(shown.regions):
+        selecting.select_faces(shown.id_data, {shown.regions[shown.active_region].place}, extend=False)
+
+
+class SachaFact(bpy.types.PropertyGroup):
+    """One thing worth knowing of what is shown; `name` says it."""
 
 
 class SachaLegendLine(bpy.types.PropertyGroup):
     """One line of a legend; `name` is its label."""
 
-    view: StringProperty()
+    colour: FloatVectorProperty(subtype="COLOR", size=3, min=0.0, max=1.0)
+
+
+class SachaRegionNumber(bpy.types.PropertyGroup):
+    """What a view says of a whole region; `name` is the number as people read it."""
+
+    value: FloatProperty()
+    known: BoolProperty()
+    level: IntProperty(min=0)
+    colour: FloatVectorProperty(subtype="COLOR", size=3, min=0.0, max=1.0)
+
+
+class SachaView(bpy.types.PropertyGroup):
+    """One way of looking at the triangles; `name` is that of the attribute with its numbers."""
+
+    label: StringProperty()
+    unit: StringProperty()
+    about: StringProperty()
+    palette: StringProperty()
+    legend: CollectionProperty(type=SachaLegendLine)
+    by_region: CollectionProperty(type=SachaRegionNumber)
+
+
+class SachaRegion(bpy.types.PropertyGroup):
+    """One row of the table of regions; `name` is the region's."""
+
+    place: IntProperty(min=0, description="Number of the region in the attribute `region`")
     colour: FloatVectorProperty(subtype="COLOR", size=3, min=0.0, max=1.0)
     triangles: IntProperty(min=0)
+    area_cm2: FloatProperty(min=0.0)
     gaussians: IntProperty(min=0)
-
-
-class SachaFact(bpy.types.PropertyGroup):
-    """One thing worth knowing of what is shown; `name` says it."""
+    share: FloatProperty(min=0.0, max=1.0)
+    n_bytes: IntProperty(min=0)
+    bytes_each: FloatProperty(min=0.0)
+    before: IntProperty(min=0)
+    before_share: FloatProperty(min=0.0, max=1.0)
+    change: IntProperty()
+    before_bytes: IntProperty(min=0)
+    bytes_change: IntProperty()
 
 
 class SachaShown(bpy.types.PropertyGroup):
@@ -49,20 +107,43 @@ class SachaShown(bpy.types.PropertyGroup):
     source: StringProperty(name="Source", description="The file that this was opened from", subtype="FILE_PATH")
     kind: StringProperty(name="Kind")
     head: StringProperty(name="Head", description="The head model that it is bound to")
+    scheme: StringProperty(name="Scheme", description="How the head is divided into regions")
+    compared: StringProperty(
+        name="Compared With", description="The avatar that changes are told against", subtype="FILE_PATH"
+    )
+    n_faces: IntProperty(name="Triangles", description="How many triangles were opened", min=0)
     facts: CollectionProperty(type=SachaFact)
-    legend: CollectionProperty(type=SachaLegendLine)
+    absent: CollectionProperty(type=SachaFact)
+    views: CollectionProperty(type=SachaView)
     view: EnumProperty(
-        name="View",
-        description="What the colours of the triangles say",
+        name="View", description="What the colours of the triangles say", items=_views, update=_view_changed
+    )
+    by: EnumProperty(
+        name="By",
+        description="Whether each triangle has the colour of its own number or of its region's",
         items=[
-            ("REGION", "Region", "The region that each triangle belongs to"),
-            ("COUNT", "Count", "How many Gaussians each triangle carries"),
+            ("TRIANGLE", "Triangle", "Each triangle has the colour of its own number"),
+            ("REGION", "Region", "Each triangle has the colour of its region's number, with hard borders"),
         ],
         update=_view_changed,
     )
+    regions: CollectionProperty(type=SachaRegion)
+    active_region: IntProperty(
+        name="Region", description="Selects the faces of the region", default=-1, update=_region_chosen
+    )
+    before_name: StringProperty(name="Before", description="What `before` is; empty where nothing is known of it")
+    columns: StringProperty(description="Columns of the table that there are numbers for, with spaces between them")
+    sort_by: EnumProperty(
+        name="Sort By", description="What rows are sorted by", items=[(name, *rest) for name, *rest in SORTS]
+    )
+    sort_down: BoolProperty(name="Largest First", description="The largest number comes first")
+
+    def shown_view(self) -> SachaView | None:
+        """Give the view that is chosen; None where there is none."""
+        return self.views.get(self.view.lower())
 
 
-CLASSES = (SachaLegendLine, SachaFact, SachaShown)
+CLASSES = (SachaFact, SachaLegendLine, SachaRegionNumber, SachaView, SachaRegion, SachaShown)
 
 
 def attach() -> None:
@@ -75,7 +156,17 @@ def detach() -> None:
     del bpy.types.Mesh.sacha
 
 
-def shown_by(context: bpy.types.Context) -> bpy.types.PropertyGroup | None:
+def shown_by(context: bpy.types.Context) -> SachaShown | None:
     """Give what the active mesh shows, or None where it is not ours."""
     mesh = context.object.data if context.object is not None and context.object.type == "MESH" else None
     return mesh.sacha if mesh is not None and mesh.sacha.kind else None
+
+
+def edited(mesh: bpy.types.Mesh) -> str:
+    """Say that a mesh no longer has the triangles that were opened; empty where it has as many."""
+    if len(mesh.polygons) == mesh.sacha.n_faces:
+        return ""
+    return (
+        f"The mesh has {len(mesh.polygons):,} faces now and had {mesh.sacha.n_faces:,} when it was opened: colours follow what is left, "
+        "legends and tables are of the whole"
+    )

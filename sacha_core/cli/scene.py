@@ -8,27 +8,37 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource
-from sacha_core.cli.console import Console, kilobytes
+from sacha_core.cli.common import Common, FileOption, HeadSource, MaybePath
+from sacha_core.cli.console import Console
+from sacha_core.errors import OptionError
 from sacha_core.progress import Progress
 
 if TYPE_CHECKING:
     from sacha_core.scene.contents import Scene
 
-__all__ = ["INPUTS", "Options", "open_scene", "run"]
+__all__ = ["INPUTS", "Extras", "Options", "open_scene", "run"]
 
-INPUTS = ("file", "motion")
+INPUTS = ("file", "compare", "scores", "scheme", "motion")
 
 
 @dataclass(frozen=True)
 class Options:
-    """Lay out an avatar or a head as arrays, with the region and the number of Gaussians of each triangle."""
+    """Lay out an avatar or a head as arrays: for each triangle and each region what it carries, what it costs, and what decided so."""
 
     file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]
     """An avatar (.sacha, a PLY of bound Gaussians, a model folder), a capture, a head (.npz, .pkl) or a mesh (.obj, .ply, .glb)."""
 
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
     """Where the arrays go."""
+
+    compare: Annotated[MaybePath, tyro.conf.arg(metavar="AVATAR", help_behavior_hint="")] = None
+    """Another avatar of the same head: also tell what FILE has more or less of than it, triangle by triangle and region by region."""
+
+    scores: Annotated[FileOption, tyro.conf.arg(help_behavior_hint="(default: FILE.scores.npz beside it)")] = None
+    """What `sacha score` or training wrote of an avatar: sensitivities, and each region's modulator, threshold and pruning ratio."""
+
+    scheme: FileOption = None
+    """Regions of one's own (.scheme.npz) instead of the avatar's."""
 
     motion: FileOption = None
     """A motion (.npz) that the head shall have instead of the file's own."""
@@ -47,50 +57,80 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     from sacha_core.scene.folder import write_scene
 
     console.report(Progress("read", 0, 2))
-    scene = open_scene(options.file, options.head, options.motion)
+    named = Extras(options.scores, options.compare, options.scheme, options.motion)
+    scene = open_scene(options.file, options.head, named)
     console.report(Progress("write", 1, 2))
     write_scene(scene, options.out)
     console.report(Progress("write", 2, 2))
     console.wrote("scene", options.out)
-    return {"kind": scene.kind, "facts": scene.facts, "notes": scene.notes, "out": options.out}
+    return {
+        "kind": scene.kind,
+        "facts": scene.facts,
+        "notes": scene.notes,
+        "absent": scene.absent,
+        "views": sorted(scene.views),
+        "out": options.out,
+    }
 
 
-def open_scene(path: Path, source: HeadSource, motion: Path | None = None) -> Scene:
+@dataclass(frozen=True)
+class Extras:
+    """What may be named besides a file.
+
+    Args:
+        scores: scores file of an avatar; None looks beside it.
+        compare: another avatar of the same head.
+        scheme: file of regions.
+        motion: that the head shall have instead of the file's own.
+    """
+
+    scores: Path | None = None
+    compare: Path | None = None
+    scheme: Path | None = None
+    motion: Path | None = None
+
+
+def open_scene(path: Path, source: HeadSource, extras: Extras | None = None) -> Scene:
     """Read whatever a user names: an avatar, a capture, a head model, or a head's mesh.
 
     Args:
         path: the file, or the folder of a model or a capture.
         source: the head that it is bound to, or whose triangles a mesh has, where the file does not say it itself.
-        motion: file of a motion that the head shall have instead of the file's own.
+        extras: what else was named.
 
     Raises:
-        SachaError: the file is damaged, or its head is missing or another one.
+        SachaError: the file is damaged, or its head is missing or another one; or what was named besides does not belong to it.
         OSError: it cannot be read.
     """
+    from sacha_core.cli.showing import regions_of, scene_of_opened
     from sacha_core.cli.sources import capture_head, named_head, open_avatar, open_motion, with_coordinates
     from sacha_core.flame.open import open_head
     from sacha_core.interchange.capture import is_capture, read_capture
     from sacha_core.interchange.head_mesh import SUFFIXES, read_head_mesh
-    from sacha_core.scene.contents import scene_of_avatar, scene_of_capture, scene_of_head, scene_of_mesh
+    from sacha_core.scene.contents import scene_of_capture, scene_of_head, scene_of_mesh
 
+    extras = extras or Extras()
     suffix = path.suffix.lower()
-    if path.is_dir() and is_capture(path):
+    of_capture, of_head = path.is_dir() and is_capture(path), suffix in {".npz", ".pkl"}
+    of_mesh = suffix in SUFFIXES and not (suffix == ".ply" and _holds_gaussians(path))
+    if not (of_capture or of_head or of_mesh):
+        return scene_of_opened(path, open_avatar(_of_model(path), source, extras.motion), source, extras)
+    if extras.compare is not None or extras.scores is not None:
+        raise OptionError(f"{path} is no avatar: --compare and --scores are for avatars")
+    if of_capture:
         capture = read_capture(path)
         head = with_coordinates(capture_head(capture, source))
-        given = capture if motion is None else replace(capture, motion=open_motion(motion, head))
-        return scene_of_capture(path.name, given, head)
-    if suffix in {".npz", ".pkl"}:
-        head = with_coordinates(open_head(str(path), masks=source.masks))
-        return scene_of_head(head, None if motion is None else open_motion(motion, head))
-    if suffix in SUFFIXES and not (suffix == ".ply" and _holds_gaussians(path)):
-        mesh, named = read_head_mesh(path), named_head(source)
-        if named is None:
-            return scene_of_mesh(path.stem, mesh, None)
-        moved = None if motion is None else open_motion(motion, named)
-        return scene_of_mesh(path.stem, mesh, with_coordinates(named), moved)
-    opened = open_avatar(_of_model(path), source, motion)
-    scene = scene_of_avatar(path.stem, opened.avatar, with_coordinates(opened.head))
-    return replace(scene, facts=[*scene.facts, kilobytes(path.stat().st_size)]) if path.is_file() else scene
+        given = capture if extras.motion is None else replace(capture, motion=open_motion(extras.motion, head))
+        return scene_of_capture(path.name, given, head, regions_of(extras.scheme, head))
+    named = open_head(str(path), masks=source.masks) if of_head else named_head(source)
+    if named is None:
+        return scene_of_mesh(path.stem, read_head_mesh(path), None)
+    head = with_coordinates(named)
+    motion = None if extras.motion is None else open_motion(extras.motion, head)
+    regions = regions_of(extras.scheme, head)
+    if of_head:
+        return scene_of_head(head, motion, regions)
+    return scene_of_mesh(path.stem, read_head_mesh(path), head, motion, regions)
 
 
 def _of_model(path: Path) -> Path:

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import struct
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 from sacha_core.codec.reading import ByteReader
 from sacha_core.errors import FormatError, VersionError
@@ -37,15 +38,17 @@ class Section:
         name: 1 to 8 ASCII letters; with a capital first letter, a decoder that does not know it must refuse the file.
         data: its bytes.
         offset: of `data` in the file.
+        log: takes what its parts cost while they are read; see `ByteReader`.
     """
 
     name: str
     data: bytes
     offset: int = 0
+    log: list[Any] | None = field(default=None, compare=False)
 
     def reader(self) -> ByteReader:
         """Give a reader over the bytes."""
-        return ByteReader(self.data, self.name, self.offset)
+        return ByteReader(self.data, self.name, self.offset, self.log)
 
 
 def pack_sections(sections: list[Section]) -> bytes:

@@ -179,6 +179,8 @@ class Noise:
             raise self._reader.error(f"{total} bits of noise expected, {len(self._bits) - self._at} left")
         values = unpack_bits(self._bits, self._at, lengths)
         self._at += total
+        if self._reader.log is not None:
+            self._reader.log.append(lengths.astype(np.float64))
         return values
 
     def check_end(self) -> None:

@@ -17,9 +17,11 @@ class ByteReader:
         data: the bytes of one section.
         name: of the section, for messages.
         offset: of the section in its file.
+        log: takes what each thing read has cost, for `spending`: bits, an array for every call that reads many. None keeps no account.
     """
 
-    def __init__(self, data: bytes, name: str, offset: int = 0) -> None:
+    def __init__(self, data: bytes, name: str, offset: int = 0, log: list[Any] | None = None) -> None:
+        self.log = log
         self._data = data
         self._at = 0
         self._name = name
@@ -53,7 +55,7 @@ class ByteReader:
     def part(self, n_bytes: int) -> ByteReader:
         """Give a reader over the next `n_bytes` bytes alone."""
         offset = self.offset
-        return ByteReader(self.take(n_bytes), self._name, offset)
+        return ByteReader(self.take(n_bytes), self._name, offset, self.log)
 
     def unpack(self, layout: str) -> tuple[Any, ...]:
         """Give the next values of a little-endian `struct` layout."""

@@ -11,18 +11,19 @@ from __future__ import annotations
 import struct
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from sacha_core.codec import tokens as token_split
 from sacha_core.codec.grouping import LevelBits, fit_table, group_contexts
 from sacha_core.codec.loops import compiled_loops
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.tables import MAX_TABLES, read_tables, write_tables
-from sacha_core.codec.token_stack import CompiledStack, PlainStack, stack_of
+from sacha_core.codec.token_stack import CompiledStack, PlainStack, interval_begins, stack_of
 from sacha_core.errors import FormatError
 
 __all__ = ["SymbolReader", "SymbolWriter"]
 
+PRECISION_BITS = 24  # of a probability
 TOKENS_PER_WORD = 8  # roughly; only steers by which loops they are read
 HEAD = "BII"  # number of tables, bytes of the tables, bytes of the raw bits
 
@@ -94,6 +95,7 @@ class SymbolReader:
             raise reader.error(f"{n_tables} tables, at most {MAX_TABLES} are allowed")
         offset = reader.offset
         table_of, self._tables = read_tables(reader.take(table_bytes), n_contexts, n_tables, offset)
+        self._table_of = table_of
         direct = token_split.DIRECT
         self._far = any(first <= -direct or first + len(grades) > direct for first, grades in self._tables)
         self._bits = np.unpackbits(np.frombuffer(reader.take(bit_bytes), np.uint8))
@@ -121,7 +123,21 @@ class SymbolReader:
             raise self._reader.error(f"a token beyond the last of table {values}")
         if self._far:
             self._join(values)
+        if self._reader.log is not None:
+            self._reader.log.append(self._bits_of(flat, values))
         return values.reshape(contexts.shape)
+
+    def _bits_of(self, contexts: Int[np.ndarray, " m"], values: Int[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+        """Give what each integer has cost: the logarithm of its token's share of the coder's intervals, and its raw bits."""
+        tokens = token_split.split_tokens(values)[0]
+        bits = token_split.raw_lengths(tokens).astype(np.float64)
+        table_of = self._table_of[contexts]
+        for table in np.unique(table_of).tolist():
+            first, grades = self._tables[table]
+            mine = table_of == table
+            widths = np.diff(interval_begins(grades, PRECISION_BITS))
+            bits[mine] += (PRECISION_BITS - np.log2(widths))[tokens[mine] - first]
+        return bits
 
     def _join(self, values: Int[np.ndarray, " m"]) -> None:
         """Turn tokens that raw bits follow into integers."""

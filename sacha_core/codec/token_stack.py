@@ -15,7 +15,7 @@ from jaxtyping import Int, UInt
 
 from sacha_core.codec.tables import table_weights
 
-__all__ = ["CompiledStack", "PlainStack", "stack_of"]
+__all__ = ["CompiledStack", "PlainStack", "interval_begins", "stack_of"]
 
 Tables = list[tuple[int, Int[np.ndarray, "..."]]]
 

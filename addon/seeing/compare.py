@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Telling an avatar against another one, and reading its numbers anew: the engine reads, the mesh that is open takes the numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+from bpy.props import StringProperty
+from bpy_extras.io_utils import ImportHelper
+
+from .. import engine, preferences, running, sources
+from ..job import Job
+from ..opening.scene_folder import read_scene_folder
+from . import numbers
+from .shown import edited, shown_by
+
+__all__ = ["CLASSES"]
+
+CHANGE = "COUNT_CHANGE"  # the view that a comparison begins with
+
+
+def has_avatar(context: bpy.types.Context) -> bool:
+    """Tell whether the active mesh shows an avatar."""
+    shown = shown_by(context)
+    return shown is not None and shown.kind == "avatar"
+
+
+def read_anew(operator: bpy.types.Operator, context: bpy.types.Context, compared: Path | None) -> running.Work:
+    """Let the engine read the avatar of the active mesh again, on its own or against another one.
+
+    Raises:
+        ValueError: the mesh was edited, so that numbers of triangles would come to lie on others.
+    """
+    active = context.object
+    mesh, source = active.data, sources.full_path(active.data.sacha.source)
+    if complaint := edited(mesh):
+        raise ValueError(f"{complaint}; open the file anew instead")
+    given = [*sources.head_options(context), *([] if compared is None else ["--compare", compared])]
+    python, name = preferences.engine_python(context), mesh.name
+
+    def finish(job: Job) -> str:
+        if name not in bpy.data.meshes:
+            raise ValueError(f"{name} is gone: nothing to put the numbers on")
+        opened = read_scene_folder(job.folder / "scene")
+        numbers.take(bpy.data.meshes[name], opened, compared=compared)
+        for note in opened.notes:
+            operator.report({"WARNING"}, note)
+        if compared is None:
+            return f"Read {source.name} anew: {', '.join(opened.facts)}"
+        if any(view.name.upper() == CHANGE for view in opened.views):
+            bpy.data.meshes[name].sacha.view = CHANGE
+        return f"{source.name} against {compared.name}: {', '.join(opened.facts)}"
+
+    return running.Work(
+        f"Reading {source.name}" if compared is None else f"Comparing with {compared.name}",
+        lambda folder: engine.command(python, "scene", source, "--out", folder / "scene", *given),
+        finish,
+    )
+
+
+class SachaCompare(bpy.types.Operator, ImportHelper):
+    """Show what the active avatar has more or less of than another avatar of the same head."""
+
+    bl_idname = "sacha.compare"
+    bl_label = "Compare With..."
+    bl_description = "Show where this avatar spends more, and where less, than another avatar of the same head"
+    bl_options = {"UNDO"}  # noqa: RUF012  (Blender reads it as it is)
+
+    filepath: StringProperty(name="File", subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filter_glob: StringProperty(default="*.sacha;*.ply", options={"HIDDEN"})
+    wait: running.wait_property()
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """There must be an avatar."""
+        return has_avatar(context)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask for the other avatar."""
+        self.wait = False
+        return super().invoke(context, event)
+
+    def work(self, context: bpy.types.Context) -> running.Work:
+        """Let the engine compare.
+
+        Raises:
+            ValueError: no other avatar is named, or the mesh was edited.
+        """
+        if not self.filepath:
+            raise ValueError("No avatar to compare with is named")
+        return read_anew(self, context, sources.full_path(self.filepath))
+
+    execute = running.execute
+    modal = running.modal
+    cancel = running.cancel
+
+
+class SachaRefresh(bpy.types.Operator):
+    """Read the active avatar's file again, and forget what it was compared with."""
+
+    bl_idname = "sacha.refresh"
+    bl_label = "Read Again"
+    bl_description = "Read the avatar's file and its scores again, and forget what it was compared with"
+    bl_options = {"UNDO"}  # noqa: RUF012  (Blender reads it as it is)
+
+    wait: running.wait_property()
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """There must be an avatar."""
+        return has_avatar(context)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
+        """Let the window go on meanwhile."""
+        self.wait = False
+        return self.execute(context)
+
+    def work(self, context: bpy.types.Context) -> running.Work:
+        """Let the engine read.
+
+        Raises:
+            ValueError: the mesh was edited.
+        """
+        return read_anew(self, context, None)
+
+    execute = running.execute
+    modal = running.modal
+    cancel = running.cancel
+
+
+CLASSES = (SachaCompare, SachaRefresh)

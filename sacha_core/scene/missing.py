@@ -1,0 +1,23 @@
+"""What cannot be shown of an avatar, and what would help."""
+
+from __future__ import annotations
+
+from sacha_core.density.events import Calibration
+from sacha_core.regions.partition import Partition
+from sacha_core.scene.avatar_views import Shown
+
+__all__ = ["missing_views"]
+
+
+def missing_views(shown: Shown, regions: Partition | None) -> list[str]:
+    """Say which views there could be, and how to get them."""
+    lines = []
+    if shown.n_bytes is None:
+        lines.append("Bytes: encode it, and open the .sacha file")
+    if shown.scores is None:
+        have = shown.gaussians.sensitivity_logit is not None
+        lacking = "Threshold and pruning ratio" if have else "Sensitivity, modulator, threshold and pruning ratio"
+        lines.append(f"{lacking}: `sacha score` measures them")
+    elif regions is not None and not any(isinstance(event, Calibration) for event in shown.scores.events):
+        lines.append("Threshold and pruning ratio: its scores file has none; `sacha score` measures them")
+    return lines

@@ -1,0 +1,149 @@
+"""From numbers to colours: which row of a palette each number gets, and the round numbers that a legend shows.
+
+Source: own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Int, Real
+
+from sacha_core.scene.palettes import DIVERGING, MAGNITUDE, STEPS
+
+__all__ = ["Kind", "Scale", "number_text", "scale_of"]
+
+Kind = Literal["amount", "level", "factor", "change"]
+"""amount: from 0, heavy-tailed, on a logarithmic ramp; level: evenly from the least to the largest; factor: around 1, as far up as down;
+change: around 0, finely near it and coarsely far away."""
+
+RANGE = 1000.0  # an amount below the largest over this gets the lightest colour: three decades are what a ramp can show
+NEAR = 100.0  # changes below the largest over this are shown evenly
+ROUND = (1.0, 2.0, 5.0)
+MANY = 9  # lines that a legend may have before it keeps to powers of ten
+TICKS = 5  # lines of a legend of levels, about
+SMALLEST_FACTOR = 1.01  # a scale of factors that are all 1 still has two sides
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How numbers become rows of a palette.
+
+    Args:
+        palette: its name.
+        place: gives the place of finite numbers along the ramp, 0 to 1; NaN for what has the colour of none.
+        ticks: numbers of the legend, from top to bottom.
+        whole: whether the numbers are whole ones.
+    """
+
+    palette: str
+    place: Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, " n"]]
+    ticks: list[float]
+    whole: bool
+
+    def levels(self, values: Real[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+        """Give the row of each number."""
+        wide = values.astype(np.float64)
+        known = np.isfinite(wide)
+        place = np.where(known, self.place(np.where(known, wide, 0.0)), np.nan)
+        shown = np.isfinite(place)
+        rows = 1 + np.rint(np.clip(np.where(shown, place, 0.0), 0, 1) * (STEPS - 1)).astype(np.int32)
+        return np.where(shown, rows, 0).astype(np.int32)
+
+
+def scale_of(values: Real[np.ndarray, " n"], kind: Kind) -> Scale:
+    """Choose the scale on which all of these numbers can be shown; NaN counts for nothing."""
+    whole = bool(np.issubdtype(values.dtype, np.integer))
+    known = values[np.isfinite(values)].astype(np.float64)
+    if kind == "amount":
+        return _amount(known, whole)
+    if kind == "level":
+        return _level(known, whole)
+    return _factor(known) if kind == "factor" else _change(known, whole)
+
+
+def number_text(value: float, whole: bool) -> str:
+    """Write a number for people: whole ones in full, others to three digits."""
+    if not np.isfinite(value):
+        return "-"
+    if whole:
+        return f"{round(value):,}"
+    digits = 3 if value == 0 else max(0, 2 - int(np.floor(np.log10(abs(value)))))
+    return f"{value:.2e}" if digits > 5 else f"{value:,.{digits}f}"
+
+
+def _amount(known: Float[np.ndarray, " n"], whole: bool) -> Scale:
+    high = max(float(known.max(initial=0.0)), 1.0 if whole else 0.0)
+    positive = known[known > 0]
+    low = 1.0 if whole else max(float(positive.min(initial=high)), high / RANGE)
+    span = np.log(high / low) if low > 0 else 0.0
+
+    def place(values: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+        least = low if low > 0 else 1.0
+        along = np.log(np.maximum(values, least) / least) / (span or 1.0)
+        return np.asarray(np.where(values > 0, along, np.nan))
+
+    largest = float(known.max(initial=0.0))
+    between = [tick for tick in _round_numbers(low, largest) if tick < largest]
+    zero = [0.0] if len(positive) < len(known) or not len(known) else []
+    return Scale(MAGNITUDE, place, sorted({*zero, *between, largest}), whole)
+
+
+def _level(known: Float[np.ndarray, " n"], whole: bool) -> Scale:
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+    span = high - low
+
+    def place(values: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+        return np.asarray((values - low) / (span or 1.0))
+
+    step = _round_step(span / TICKS) if span > 0 else 0.0
+    inner = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step if step > 0 else np.zeros(0)
+    margin = span / TICKS / 2  # what is nearer to an end than this would stand on its line
+    ticks = [low, *inner[(inner > low + margin) & (inner < high - margin)].tolist(), high]
+    return Scale(MAGNITUDE, place, sorted(set(ticks)), whole)
+
+
+def _factor(known: Float[np.ndarray, " n"]) -> Scale:
+    positive = known[known > 0]
+    most = max(float(np.exp(np.abs(np.log(positive)).max(initial=0.0))), SMALLEST_FACTOR)
+
+    def place(values: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+        return np.asarray(0.5 + 0.5 * np.log(np.maximum(values, 1 / most)) / np.log(most))
+
+    return Scale(DIVERGING, place, [1 / most, most**-0.5, 1.0, most**0.5, most], whole=False)
+
+
+def _change(known: Float[np.ndarray, " n"], whole: bool) -> Scale:
+    most = max(float(np.abs(known).max(initial=0.0)), 1.0 if whole else float(np.finfo(np.float64).tiny))
+    near = 1.0 if whole else most / NEAR
+
+    def place(values: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+        return np.asarray(0.5 + 0.5 * np.sign(values) * np.log1p(np.abs(values) / near) / np.log1p(most / near))
+
+    tens = [tick for tick in _powers_of_ten(near, most) if tick < most]
+    ticks = [-most, *(-tick for tick in reversed(tens)), 0.0, *tens, most] if len(known) and known.any() else [0.0]
+    return Scale(DIVERGING, place, ticks, whole)
+
+
+def _powers_of_ten(low: float, high: float) -> list[float]:
+    """Powers of ten from `low` to `high`."""
+    first, last = (int(np.floor(np.log10(bound))) for bound in (low, high))
+    return [10.0**power for power in range(first, last + 1) if low <= 10.0**power <= high]
+
+
+def _round_numbers(low: float, high: float) -> list[float]:
+    """Ones, twos and fives of every decade from `low` to `high`; of many, ones only."""
+    if not 0 < low <= high:
+        return []
+    decades = range(int(np.floor(np.log10(low))), int(np.floor(np.log10(high))) + 1)
+    numbers = [digit * 10.0**power for power in decades for digit in ROUND if low <= digit * 10.0**power <= high]
+    return numbers if len(numbers) <= MANY else _powers_of_ten(low, high)
+
+
+def _round_step(least: float) -> float:
+    """Give the next one, two or five of a decade."""
+    power = 10.0 ** np.floor(np.log10(least))
+    return float(next(digit * power for digit in (*ROUND, 10.0) if digit * power >= least * (1 - 1e-9)))
