@@ -31,6 +31,7 @@ COMMANDS = {
     "export": Command("export", "Write an avatar in the formats of viewers, engines and the web."),
     "inspect": Command("inspect", "Show what a .sacha file holds and what it costs."),
     "render": Command("render", "Draw one frame of an avatar, or a video of it."),
+    "view": Command("view", "Show an avatar in the browser: play it, turn it, pull faces."),
     "evaluate": Command("evaluate", "Judge an avatar on views and expressions held out."),
     "ablate": Command("ablate", "Train, compress and judge variants beside one another."),
     "framewise": Command("framewise", "Fit each frame of a capture by itself: the baseline without an avatar."),

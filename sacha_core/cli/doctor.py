@@ -32,6 +32,7 @@ PACKAGES = {  # package: what it is needed for; the first ones are needed for ev
     "scipy": "averages over rate-distortion curves",
     "lpips": "LPIPS, a metric of evaluate and ablate",
     "gsplat": "drawing on it",
+    "viser": "view",
     "bpy": "Blender's own Python module",
 }
 REQUIRED = 5

@@ -45,6 +45,7 @@ EXTRAS = {
     "av": "shell",
     "matplotlib": "shell",
     "ray": "ray",
+    "viser": "view",
 }
 
 

@@ -41,6 +41,7 @@ MISSING = {
     "inspect": ["nowhere"],
     "render": ["nowhere", "-o", "a.png"],
     "train": ["nowhere", "-o", "model"],
+    "view": ["nowhere"],
 }
 
 

@@ -1,0 +1,1 @@
+"""An avatar in a browser: what `sacha view` shows."""
