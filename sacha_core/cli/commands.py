@@ -27,7 +27,7 @@ COMMANDS = {
     "prune": Command("prune", "Cut an avatar down to a budget by its scores, without training."),
     "encode": Command("encode", "Compress an avatar and its motion into a .sacha file."),
     "decode": Command("decode", "Turn a .sacha file back into PLY, motion or model."),
-    "bind": Command("bind", "Bind free splats, such as a scene or LAM's, to a head that moves them."),
+    "bind": Command("bind", "Bind free splats, LAM's among them, to a head that moves them."),
     "export": Command("export", "Write an avatar in the formats of viewers, engines and the web."),
     "inspect": Command("inspect", "Show what a .sacha file holds and what it costs."),
     "render": Command("render", "Draw one frame of an avatar, or a video of it."),
