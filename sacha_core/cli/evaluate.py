@@ -15,6 +15,7 @@ from sacha_core.errors import OptionError
 
 if TYPE_CHECKING:
     from sacha_core.evaluate.picture_metrics import ViewScores
+    from sacha_core.interchange.capture import Capture
 
 __all__ = ["INPUTS", "Options", "run"]
 
@@ -41,6 +42,9 @@ class Options:
     metrics: tuple[Literal["psnr", "ssim", "flip", "lpips"], ...] = ("psnr", "ssim")
     """What to measure. flip: how visible the difference is, 0 to 1; lpips: in the features of VGG and AlexNet, where weights are found."""
 
+    table_one: bool = False
+    """Also set size and figures of novel expressions beside those that papers report, in the columns of SACHA's table 1."""
+
     regions: bool = False
     """Also PSNR, and FLIP if asked for, within each region of the head."""
 
@@ -57,6 +61,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         OSError: a file cannot be read.
     """
     from sacha_core.cli.sources import open_avatar
+    from sacha_core.cli.table_one import sizes_of, table_one
     from sacha_core.evaluate.region_masks import RegionMasks
     from sacha_core.evaluate.views import evaluate_avatar
     from sacha_core.interchange.capture import read_capture
@@ -84,6 +89,12 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     console.say(overall_table(both, options.metrics))
     if options.regions:
         console.say("\n" + regions_table(both, "flip" in options.metrics))
+    beside = {}
+    if options.table_one:
+        text, beside["table_one"] = table_one(
+            sizes_of(options.avatar, opened), found.novel_expression, shown_size(capture, options.size)
+        )
+        console.say("\n" + text)
     without = missing_metrics(options.metrics)
     if without:
         console.say("\n" + "\n".join(dict.fromkeys(without.values())))
@@ -94,7 +105,14 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         "novel_view": found.novel_view.to_json(),
         "novel_expression": found.novel_expression.to_json(),
         "not_measured": without,
+        **beside,
     }
+
+
+def shown_size(capture: Capture, size: ImageSize) -> str:
+    """Say how large the images are that are compared."""
+    camera = capture.train[0].camera
+    return f"{size.width or camera.width}x{size.height or camera.height}"
 
 
 def overall_table(scores: Mapping[str, ViewScores], metrics: Collection[str]) -> str:

@@ -16,6 +16,8 @@ import pytest
 from PIL import Image
 
 from sacha_core.avatar.avatar import Avatar
+from sacha_core.cli.common import HeadSource
+from sacha_core.cli.sources import open_avatar
 from sacha_core.cli.train import Variant
 from sacha_core.codec import decode
 from sacha_core.flame.head_file import load_head
@@ -348,6 +350,21 @@ def test_convert_head_of_a_rig_that_tells_no_regions(done, tmp_path: Path) -> No
     assert converted.masks.keys() == {"neck"}
     assert outcome.report["unwrapped"]
     assert converted.uv_faces.shape == head.faces.shape
+
+
+def test_evaluate_sets_an_avatar_beside_what_papers_report(done, capture: Path, sacha_file: Path, model: Path) -> None:
+    outcome = done("evaluate", sacha_file, capture, "--table-one")
+    told, found = outcome.report["table_one"], done("inspect", sacha_file).report
+    assert told["bytes"]["file"] == found["bytes"]["total"] - found["bytes"]["head"]
+    assert told["psnr"] == outcome.report["novel_expression"]["psnr"]
+    assert "GaussianAvatars" in outcome.out
+    assert "100.08  25.5097  0.9102  0.1103" in outcome.out
+    assert "no LPIPS" in outcome.out
+    saved = done("evaluate", model, capture, "--table-one").report["table_one"]["bytes"]
+    opened = open_avatar(model, HeadSource())
+    n_vertices, n_frames = opened.head.n_vertices, len(opened.avatar.motion)
+    assert saved["model_with_zero_offset"] - saved["model"] == 12 * n_vertices * n_frames
+    assert saved["model"] == 252 * len(opened.avatar.gaussians) + 4 * (300 + 3 * n_vertices + 118 * n_frames)
 
 
 def test_doctor_lists_packages(done) -> None:
