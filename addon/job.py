@@ -226,7 +226,7 @@ def start_job(command: Callable[[Path], list[str]], time_limit_s: float) -> Job:
                 env=environment,
                 **DETACHED,
             )
-    except OSError:
+    except (OSError, ValueError):
         shutil.rmtree(folder)
         raise
     leftovers.mark(folder, process.pid)

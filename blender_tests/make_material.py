@@ -138,6 +138,8 @@ def main(folder: Path) -> None:
         mesh_vertices=mesh_vertices,
         template=head.v_template,
         uv=head.uv[head.uv_faces],
+        expression=decoded.motion.expression,
+        shape=decoded.motion.shape,
         n_skin=head.n_faces - head.n_teeth_faces,
     )
     write_seen(folder, head, avatar, rng)

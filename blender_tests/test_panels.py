@@ -92,7 +92,6 @@ def test_a_running_job_shows_its_progress_and_cancel(panels: SimpleNamespace, ad
 
 def test_the_panels_of_an_avatar_appear_with_one(panels: SimpleNamespace) -> None:
     assert not panels.SachaShownPanel.poll(bpy.context)
-    assert not panels.SachaFilesPanel.poll(bpy.context)
     mesh = bpy.data.meshes.new("a stranger")
     bpy.context.collection.objects.link(bpy.data.objects.new("a stranger", mesh))
     bpy.context.view_layer.objects.active = bpy.data.objects["a stranger"]
@@ -116,10 +115,10 @@ def test_the_legend_is_drawn_line_by_line(
 def test_an_avatar_can_be_compressed_and_a_head_cannot(
     panels: SimpleNamespace, opened: bpy.types.Object, material: Material
 ) -> None:
-    assert panels.SachaFilesPanel.poll(bpy.context)
-    assert operators(drawn_by(panels.SachaFilesPanel)) == ["sacha.encode", "sacha.decode"]
+    folders = ["sacha.encode_folder", "sacha.decode_folder"]
+    assert operators(drawn_by(panels.SachaFilesPanel)) == ["sacha.encode", "sacha.decode", *folders]
     bpy.ops.sacha.open(filepath=str(material.folder / "head.npz"))
-    assert not panels.SachaFilesPanel.poll(bpy.context)
+    assert operators(drawn_by(panels.SachaFilesPanel)) == folders
     names = [name for name, _ in drawn_by(panels.SachaShownPanel)]
     assert "prop" in names  # the swatches
     assert not [

@@ -3,6 +3,19 @@
 
 from __future__ import annotations
 
-from . import decode_avatar, encode_avatar, known_runs, panel, settings, train_avatar, training_panel
+from . import (
+    add_cameras,
+    batch_folder,
+    decode_avatar,
+    encode_avatar,
+    film_head,
+    film_panel,
+    known_runs,
+    panel,
+    settings,
+    train_avatar,
+    training_panel,
+)
 
-PARTS = (settings, encode_avatar, decode_avatar, train_avatar, known_runs, panel, training_panel)
+OPERATORS = (encode_avatar, decode_avatar, batch_folder, add_cameras, film_head, train_avatar)
+PARTS = (settings, *OPERATORS, known_runs, panel, film_panel, training_panel)

@@ -11,6 +11,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from .. import engine, preferences, running, sources
 from ..job import Job
+from .encode_options import encode_options, encode_properties
 
 __all__ = ["CLASSES"]
 
@@ -20,7 +21,7 @@ class SachaEncode(bpy.types.Operator, ExportHelper):
 
     bl_idname = "sacha.encode"
     bl_label = "Encode"
-    bl_description = "Compress the avatar, with head, motion and level of the scene's settings, into a .sacha file"
+    bl_description = "Compress the avatar, with the scene's settings where none are given, into a .sacha file"
 
     filename_ext = ".sacha"
     filter_glob: StringProperty(default="*.sacha", options={"HIDDEN"})
@@ -31,6 +32,7 @@ class SachaEncode(bpy.types.Operator, ExportHelper):
         options={"SKIP_SAVE"},
     )
     wait: running.wait_property()
+    __annotations__.update(encode_properties())
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask where to write."""
@@ -39,12 +41,9 @@ class SachaEncode(bpy.types.Operator, ExportHelper):
 
     def work(self, context: bpy.types.Context) -> running.Work:
         """Let the engine encode."""
-        chosen = context.scene.sacha
         source, target = sources.avatar_source(context, self.source), sources.full_path(self.filepath)
         given = ["--ply", source] if source.suffix.lower() == ".ply" else [source]
-        given += [*sources.head_options(context), "--level", str(chosen.level), "-o", target]
-        if chosen.motion:
-            given += ["--motion", sources.full_path(chosen.motion)]
+        given += [*encode_options(self, context), "-o", target]
         python = preferences.engine_python(context)
 
         def command(folder: Path) -> list[str]:

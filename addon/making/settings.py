@@ -15,6 +15,10 @@ VARIANTS = [
     ("default", "Default", "The published baseline: no regions"),
     ("ga", "GaussianAvatars", "GaussianAvatars' own rules"),
 ]
+PROFILES = [
+    ("sacha", "SACHA", "The smallest files"),
+    ("paper", "Paper", "As the SACHA paper codes, at the rate points 1 to 4 of MPEG's JEE6.2, to compare with"),
+]
 DEVICES = [
     ("auto", "Automatic", "A CUDA device where there is one that can be used, else the CPU"),
     ("cpu", "CPU", "The CPU"),
@@ -45,14 +49,7 @@ class SachaMaking(bpy.types.PropertyGroup):
         min=1.0,
         soft_max=10_000.0,
     )
-    profile: EnumProperty(
-        name="Profile",
-        description="How the numbers are coded",
-        items=[
-            ("sacha", "SACHA", "The smallest files"),
-            ("paper", "Paper", "As the SACHA paper codes, at the rate points 1 to 4 of MPEG's JEE6.2, to compare with"),
-        ],
-    )
+    profile: EnumProperty(name="Profile", description="How the numbers are coded", items=PROFILES)
     tune: BoolProperty(
         name="Tune",
         description="Fit the avatar through the quantiser to its own pictures, for about a minute: the same bytes look better",
@@ -91,6 +88,11 @@ class SachaMaking(bpy.types.PropertyGroup):
 
     film_folder: StringProperty(
         name="Dataset", description="Folder that the filmed dataset goes to", subtype="DIR_PATH"
+    )
+    film_cameras: PointerProperty(
+        name="Cameras",
+        description="The collection of cameras that film; where empty, all cameras of the scene",
+        type=bpy.types.Collection,
     )
     renderer: EnumProperty(name="Renderer", description="What draws the pictures", items=RENDERERS)
     samples: IntProperty(name="Samples", description="Of Cycles, for each pixel", default=64, min=1, soft_max=1024)

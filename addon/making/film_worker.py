@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs in a Blender without a window: films a copy of the scene and lets the engine make a dataset of it.
+
+Usage: film_worker.py FILM.json; what it holds is what `film_head.film_settings` gives.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+DRAWN = {
+    "MESH",
+    "CURVE",
+    "CURVES",
+    "SURFACE",
+    "META",
+    "FONT",
+    "VOLUME",
+    "POINTCLOUD",
+    "GPENCIL",
+    "GREASEPENCIL",
+    "EMPTY",
+}
+N_CHECKED = 3  # timesteps whose posed head the engine holds against the parameters
+ORPHANED = "The Blender that asked for it is gone"
+
+
+class FilmError(Exception):
+    """The film cannot be made; the message is for the user."""
+
+
+def say(line: dict[str, Any]) -> None:
+    """Say one thing to the Blender that waits."""
+    sys.stdout.write(json.dumps(line) + "\n")
+    sys.stdout.flush()
+
+
+def film(told: dict[str, Any]) -> None:
+    """Do everything.
+
+    Raises:
+        FilmError: the scene cannot be filmed.
+        ValueError: the head's controls or a camera cannot be said in the engine's terms.
+    """
+    package = told["package"]
+    if not hasattr(bpy.types.Scene, "sacha_making"):  # the user's preferences enable it, unless this is the module bpy
+        bpy.ops.preferences.addon_enable(module=package)
+    modules = {
+        name: importlib.import_module(f"{package}.{name}")
+        for name in ("bridge", "opening.controls", "looking.camera", "processes")
+    }
+    bpy.ops.wm.open_mainfile(filepath=told["blend"], load_ui=False, use_scripts=told["scripts"])
+    scene = bpy.data.scenes[told["scene"]]
+    bpy.context.window.scene = scene
+    footage = Path(told["footage"])
+    start_footage(footage, told["resume"])
+    prepare(scene, told)
+    views = measure(scene, told, footage, modules)
+    engine(told, "--check")
+    take_pictures(scene, told, footage, views, modules["processes"])
+    engine(told, "--json", told["report"])
+    clear(footage)
+
+
+def start_footage(footage: Path, resume: bool) -> None:
+    """Make the folder of the footage; one that is there must be one of these, and is emptied unless it shall be used.
+
+    Raises:
+        FilmError: the folder holds something else.
+    """
+    if footage.exists() and not resume:
+        clear(footage)
+        if footage.exists():
+            raise FilmError(f"{footage} holds files that are no footage: choose another folder, or move them away")
+    footage.mkdir(parents=True, exist_ok=True)
+
+
+def clear(footage: Path) -> None:
+    """Remove footage, and its folder if nothing else is in it."""
+    for pattern in ("?????_*.png", "footage.json", "flame_param.npz", "posed.npy", "unposed.npy"):
+        for path in footage.glob(pattern):
+            path.unlink()
+    if not any(footage.iterdir()):
+        footage.rmdir()
+
+
+def prepare(scene: bpy.types.Scene, told: dict[str, Any]) -> None:
+    """Set the scene up so that pictures are as a pinhole camera sees them, with alpha."""
+    render = scene.render
+    render.engine = told["renderer"]
+    render.resolution_x, render.resolution_y, render.resolution_percentage = told["width"], told["height"], 100
+    render.pixel_aspect_x = render.pixel_aspect_y = 1.0
+    render.film_transparent, render.dither_intensity = True, 0.0
+    for switch in ("use_border", "use_compositing", "use_sequencer", "use_motion_blur", "use_multiview", "use_stamp"):
+        setattr(render, switch, False)
+    render.use_persistent_data = True
+    if hasattr(render.image_settings, "media_type"):  # from 5.0 on
+        render.image_settings.media_type = "IMAGE"
+    render.image_settings.file_format, render.image_settings.color_mode = "PNG", "RGBA"
+    render.image_settings.color_depth, render.image_settings.compression = "8", 15
+    if told["renderer"] == "CYCLES":
+        scene.cycles.samples = told["samples"]
+    for name in told["cameras"]:
+        bpy.data.objects[name].data.dof.use_dof = False
+    if told["kept"]:
+        for thing in scene.objects:
+            if thing.type in DRAWN and thing.name not in told["kept"]:
+                thing.hide_render = True
+
+
+def measure(
+    scene: bpy.types.Scene, told: dict[str, Any], footage: Path, modules: dict[str, Any]
+) -> list[dict[str, Any]]:
+    """Go through all frames once, and write what is known without pictures: parameters, cameras, and how the head is posed.
+
+    Returns:
+        One entry for each picture, in the order of time.
+    """
+    head, frames = scene.objects[told["head"]], told["frames"]
+    checked = sorted({round(i * (len(frames) - 1) / (N_CHECKED - 1)) for i in range(N_CHECKED)})
+    rows, posed, views = [], [], []
+    for timestep, frame in enumerate(frames):
+        scene.frame_set(frame)
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        rows.append(modules["opening.controls"].read(head, depsgraph))
+        if timestep in checked:
+            posed.append(evaluated_vertices(head, modules["bridge"]))
+            depsgraph = bpy.context.evaluated_depsgraph_get()
+        for index, name in enumerate(told["cameras"]):
+            seen = modules["looking.camera"].camera_file(scene.objects[name], depsgraph, told["width"], told["height"])
+            places = {"timestep": timestep, "camera_index": index, "file": f"{timestep:05d}_{index:02d}.png"}
+            views.append({**places, **{key: seen[key] for key in ("width", "height", "K", "world_to_camera")}})
+        say({"stage": "measure", "done": timestep + 1, "total": len(frames)})
+    write_parameters(footage / "flame_param.npz", rows, told["frame_rate"])
+    np.save(footage / "posed.npy", np.stack(posed))
+    neutral = positions(head.data.shape_keys.reference_key.data)  # sculpted or not
+    np.save(footage / "unposed.npy", modules["bridge"].to_engine(neutral))
+    origin = {
+        key: told[key]
+        for key in ("renderer", "samples", "width", "height", "frames", "scene", "head", "cameras", "kept")
+    }
+    facts = {"subject": told["subject"], "take": told["take"], "origin": {"blender": bpy.app.version_string, **origin}}
+    (footage / "footage.json").write_text(json.dumps({**facts, "checked": checked, "views": views}), encoding="utf-8")
+    return views
+
+
+def write_parameters(path: Path, rows: list[dict[str, np.ndarray]], frame_rate: float) -> None:
+    """Write FLAME parameters of all timesteps under GaussianAvatars' names."""
+    keys = {
+        "expression": "expr",
+        "rotation": "rotation",
+        "neck": "neck_pose",
+        "jaw": "jaw_pose",
+        "eyes": "eyes_pose",
+        "translation": "translation",
+    }
+    arrays = {key: np.stack([row[name] for row in rows]).astype(np.float32) for name, key in keys.items()}
+    np.savez(path, shape=rows[0]["shape"], frame_rate=np.array(frame_rate), **arrays)
+
+
+def positions(points: bpy.types.bpy_prop_collection) -> np.ndarray:
+    """Give (v, 3) positions of a mesh's vertices or a shape key's points."""
+    values = np.empty(3 * len(points), np.float32)
+    points.foreach_get("co", values)
+    return values.reshape(-1, 3)
+
+
+def evaluated_vertices(head: bpy.types.Object, bridge: Any) -> np.ndarray:
+    """Give (v, 3) vertices of a head as its controls pose it, in the engine's world; what only smooths or refines it is left out."""
+    others = [modifier for modifier in head.modifiers if modifier.type != "ARMATURE" and modifier.show_viewport]
+    for modifier in others:
+        modifier.show_viewport = False
+    evaluated = head.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    found, world = positions(evaluated.data.vertices), np.array(evaluated.matrix_world)
+    for modifier in others:
+        modifier.show_viewport = True
+    return bridge.to_engine(found @ world[:3, :3].T.astype(np.float32) + world[:3, 3].astype(np.float32))
+
+
+def take_pictures(
+    scene: bpy.types.Scene, told: dict[str, Any], footage: Path, views: list[dict[str, Any]], processes: Any
+) -> None:
+    """Render what is not there yet.
+
+    Raises:
+        FilmError: the Blender that asked for it is gone.
+    """
+    begun_s = time.monotonic()
+    waiting = None if told["blender"] is None else processes.Process(*told["blender"])
+    missing = [view for view in views if not (footage / view["file"]).exists()]
+    for made, view in enumerate(missing, start=1):
+        if waiting is not None and not waiting.lives():
+            raise FilmError(ORPHANED)
+        if scene.frame_current != told["frames"][view["timestep"]]:
+            scene.frame_set(told["frames"][view["timestep"]])
+        scene.camera = scene.objects[told["cameras"][view["camera_index"]]]
+        part = footage / f".part_{view['file']}"
+        scene.render.filepath = str(part)
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+        part.replace(footage / view["file"])
+        left_s = (time.monotonic() - begun_s) / made * (len(missing) - made)
+        say({"stage": "film", "done": len(views) - len(missing) + made, "total": len(views), "seconds_left": left_s})
+
+
+def engine(told: dict[str, Any], *more: str) -> None:
+    """Let the engine check the footage, or make a dataset of it; its progress and its complaints go where ours go."""
+    given = ["assemble", told["footage"], "--source", told["source"], "-o", told["root"], *told["options"], *more]
+    done = subprocess.run(  # noqa: S603  (the engine that the user named)
+        [told["python"], "-m", "sacha_core", *given, "--progress", "json"], check=False, stdin=subprocess.DEVNULL
+    )
+    if done.returncode:
+        sys.exit(done.returncode)
+
+
+def main(arguments: list[str]) -> None:
+    """Film, or say in one line why not."""
+    given = arguments[arguments.index("--") + 1 :] if "--" in arguments else arguments[1:]
+    try:
+        film(json.loads(Path(given[0]).read_text(encoding="utf-8")))
+    except (FilmError, ValueError, RuntimeError) as error:
+        say({"error": {"kind": "", "message": " ".join(str(error).split())}})
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main(sys.argv)
