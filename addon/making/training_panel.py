@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..advice import advice
+from ..features import draw_progress
 from ..telling.lines import draw_sentence
 from . import known_runs
 from .run_folder import Standing, Status
@@ -57,7 +58,7 @@ def _draw_run(context: bpy.types.Context, box: bpy.types.UILayout, status: Statu
     heading.operator("sacha.forget_training", text="", icon="X", emboss=False).model = model
     if status.goes_on:
         steps = f"{said.stage} {said.done:,}/{said.total:,}" if said.stage else "Starting"
-        box.progress(factor=said.fraction, text=", ".join(filter(None, (steps, said.left))))
+        draw_progress(box, said.fraction, ", ".join(filter(None, (steps, said.left))))
         if said.values:
             box.label(text=said.figures)
     if status.complaint.message:
