@@ -28,7 +28,6 @@ COMMANDS = {
     "encode": Command("encode", "Compress an avatar and its motion into a .sacha file."),
     "decode": Command("decode", "Turn a .sacha file back into PLY, motion or model."),
     "bind": Command("bind", "Bind free splats, LAM's among them, to a head that moves them."),
-    "bind": Command("bind", "Bind free splats, such as a scene or LAM's, to a head that moves them."),
     "batch": Command("batch", "Encode or decode every avatar of a folder."),
     "export": Command("export", "Write an avatar in the formats of viewers, engines and the web."),
     "inspect": Command("inspect", "Show what a .sacha file holds and what it costs."),
