@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from sacha_core.cli.common import Common, naming
+from sacha_core.cli.common import Common, HeadSource, naming
 from sacha_core.cli.console import Console, kilobytes, table
 
 if TYPE_CHECKING:
@@ -42,12 +42,18 @@ MEANINGS = {  # of the sections that this version writes
 class Options:
     """Show what a .sacha file holds, and where its bytes are.
 
-    Reads the file's tables and verifies every checksum; needs no head.
+    Reads the file's tables and verifies every checksum; needs no head, but for --regions, which decodes it:
+
+    sacha inspect a.sacha --regions --head rig.npz --masks FLAME_masks.npz
     """
 
     file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE.sacha")]
     """The file."""
 
+    regions: bool = False
+    """Also tell on which regions of the head the Gaussians and their bytes were spent."""
+
+    head: HeadSource = field(default_factory=HeadSource)
     common: Common = field(default_factory=Common)
 
 
@@ -63,6 +69,12 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     with naming(options.file):
         found = inspect(options.file)
     console.say(describe(options.file, found))
+    spent = None
+    if options.regions:
+        from sacha_core.cli.inspect_regions import region_rows, region_table
+
+        spent = region_rows(options.file, options.head)
+        console.say(f"\n{region_table(spent)}")
     return {
         "file": options.file,
         "format": ".".join(map(str, found.version)),
@@ -78,6 +90,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         "head": asdict(found.head),
         "bytes": byte_counts(found),
         "sections": [asdict(section) for section in found.sections],
+        **({} if spent is None else {"regions": spent}),
     }
 
 
