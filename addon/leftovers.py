@@ -57,7 +57,7 @@ def _owners(folder: Path) -> dict[str, Process | None] | None:
             return None
         entry = json.loads((folder / OWNER).read_text(encoding="utf-8"))
         return {name: _process(entry[name]) for name in ("worker", "blender")}
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
 
