@@ -102,12 +102,13 @@ def open_scene(path: Path, source: HeadSource, extras: Extras | None = None) -> 
         SachaError: the file is damaged, or its head is missing or another one; or what was named besides does not belong to it.
         OSError: it cannot be read.
     """
+    from sacha_core.cli.mesh_scene import open_mesh_scene
     from sacha_core.cli.showing import regions_of, scene_of_opened
-    from sacha_core.cli.sources import capture_head, named_head, open_avatar, open_motion, with_coordinates
+    from sacha_core.cli.sources import capture_head, keep, open_avatar, open_motion, with_coordinates
     from sacha_core.flame.open import open_head
     from sacha_core.interchange.capture import is_capture, read_capture
-    from sacha_core.interchange.head_mesh import SUFFIXES, read_head_mesh
-    from sacha_core.scene.contents import scene_of_capture, scene_of_head, scene_of_mesh
+    from sacha_core.interchange.head_mesh import SUFFIXES
+    from sacha_core.scene.contents import scene_of_capture, scene_of_head
 
     extras = extras or Extras()
     suffix = path.suffix.lower()
@@ -122,15 +123,12 @@ def open_scene(path: Path, source: HeadSource, extras: Extras | None = None) -> 
         head = with_coordinates(capture_head(capture, source))
         given = capture if extras.motion is None else replace(capture, motion=open_motion(extras.motion, head))
         return scene_of_capture(path.name, given, head, regions_of(extras.scheme, head))
-    named = open_head(str(path), masks=source.masks) if of_head else named_head(source)
-    if named is None:
-        return scene_of_mesh(path.stem, read_head_mesh(path), None)
-    head = with_coordinates(named)
+    if of_mesh:
+        return open_mesh_scene(path, source, extras.motion, extras.scheme)
+    head = with_coordinates(open_head(str(path), masks=source.masks))
+    keep(head)
     motion = None if extras.motion is None else open_motion(extras.motion, head)
-    regions = regions_of(extras.scheme, head)
-    if of_head:
-        return scene_of_head(head, motion, regions)
-    return scene_of_mesh(path.stem, read_head_mesh(path), head, motion, regions)
+    return scene_of_head(head, motion, regions_of(extras.scheme, head))
 
 
 def _of_model(path: Path) -> Path:

@@ -6,6 +6,9 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import Int
+
 from sacha_core.errors import HeadError, MissingHeadError, TopologyError
 from sacha_core.flame.head_file import load_head, save_head
 from sacha_core.flame.model import HeadModel, HeadReference
@@ -14,9 +17,20 @@ from sacha_core.flame.teeth import FLAME_VERTICES
 from sacha_core.flame.unwrap import unwrapped
 from sacha_core.npz import read_npz, write_npz
 
-__all__ = ["find_head", "remember", "shelf_folder", "unwrapped_once"]
+__all__ = ["find_head", "heads_with", "remember", "shelf_folder", "unwrapped_once"]
 
 VARIABLE = "SACHA_HEADS"
+COORDINATES = ".uv.npz"  # how the names of files end that hold a head's texture coordinates alone
+LARGE = (
+    "v_template",
+    "shapedirs",
+    "exprdirs",
+    "J_regressor",
+    "weights",
+    "posedirs",
+    "uv",
+    "uv_faces",
+)  # not needed to compare triangles
 
 
 def shelf_folder() -> Path:
@@ -90,6 +104,26 @@ def find_head(
     )
 
 
+def heads_with(faces: Int[np.ndarray, "f 3"]) -> list[HeadModel]:
+    """Give the user's heads that have these triangles in this order, with or without their teeth, which come last.
+
+    Raises:
+        FormatError: a file of the folder is damaged.
+        HeadError: a head of the folder contradicts itself.
+        OSError: the folder cannot be read.
+    """
+    found = []
+    for path in sorted(shelf_folder().glob("*.npz")):
+        if path.name.endswith(COORDINATES):
+            continue
+        kept = read_npz(path, skip=LARGE)
+        n_teeth = int(kept["n_teeth_faces"]) if "n_teeth_faces" in kept else 0
+        of_head = kept.get("faces", np.zeros((0, 3), np.int32))
+        if len(faces) in {len(of_head), len(of_head) - n_teeth} and np.array_equal(faces, of_head[: len(faces)]):
+            found.append(load_head(path))
+    return found
+
+
 def unwrapped_once(head: HeadModel) -> HeadModel:
     """Give a head with texture coordinates, made at most once: they are kept beside the user's heads.
 
@@ -98,7 +132,7 @@ def unwrapped_once(head: HeadModel) -> HeadModel:
         HeadError: it is of another head.
         OSError: the folder cannot be read or written.
     """
-    path = shelf_folder() / f"{head.reference.sha256}.uv.npz"
+    path = shelf_folder() / f"{head.reference.sha256}{COORDINATES}"
     if path.is_file():
         kept = read_npz(path)
         found = replace(head, uv=kept.get("uv"), uv_faces=kept.get("uv_faces"))

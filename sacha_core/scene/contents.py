@@ -24,7 +24,7 @@ from sacha_core.scene.missing import missing_views
 from sacha_core.scene.palettes import Palettes
 from sacha_core.scene.region_table import RegionTable
 from sacha_core.scene.rig import Rig, rig_of
-from sacha_core.scene.topology import as_the_heads
+from sacha_core.scene.topology import as_the_heads, misfit
 from sacha_core.scene.view import View
 
 __all__ = ["Scene", "scene_of_avatar", "scene_of_capture", "scene_of_head", "scene_of_mesh"]
@@ -152,6 +152,10 @@ def scene_of_mesh(
     n_faces = len(mesh.faces)
     uv = _corner_uv(head)
     uv = None if uv is None else uv[:n_faces]
+    reason = misfit(mesh, head)
+    if reason is not None:
+        notes = [*notes, f"No controls: {reason}"]
+        return Scene(name, "mesh", head.name, mesh.vertices, mesh.faces, uv, views, facts, notes)
     person = _as_the_person(mesh, head, motion or Motion.rest(0, 0))
     rig = rig_of(head, person, len(mesh.vertices))
     animation = None if motion is None else animation_of(person, rig)

@@ -9,9 +9,29 @@ from sacha_core.errors import TopologyError
 from sacha_core.flame.model import HeadModel
 from sacha_core.interchange.head_mesh import HeadMesh
 
-__all__ = ["as_the_heads"]
+__all__ = ["as_the_heads", "misfit"]
 
 SAME_PLACE = 1e-6  # of the mesh's extent: copies of a vertex are written from the same float32
+LIKELY_SIZES = (0.5, 2.0)  # of a mesh against its head: people's heads differ by a tenth, units by ten and more
+LIKELY_TURN_DEG = 45.0  # of a mesh against its head: people turn their heads less, other axes are 90 or 180 apart
+
+
+def misfit(mesh: HeadMesh, head: HeadModel) -> str | None:
+    """Tell why a mesh of a head's triangles cannot be moved as the head is: it has other units or axes; None where it can.
+
+    Source: Kabsch, Acta Crystallographica A32, 1976, for the rotation between two sets of points.
+    """
+    own, others = (points - points.mean(axis=0) for points in (mesh.vertices, head.v_template[: len(mesh.vertices)]))
+    own, others = own.astype(np.float64), others.astype(np.float64)
+    size = np.linalg.norm(own) / np.linalg.norm(others)
+    if not LIKELY_SIZES[0] <= size <= LIKELY_SIZES[1]:
+        return f"it is {size:.3g} times as large as head {head.name!r}, which is in metres"
+    left, _, right = np.linalg.svd(own.T @ others)
+    rotation = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+    turn = float(np.degrees(np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))))
+    if turn > LIKELY_TURN_DEG:
+        return f"it is turned by {turn:.0f} degrees against head {head.name!r}, whose y points up and z forward"
+    return None
 
 
 def as_the_heads(name: str, mesh: HeadMesh, head: HeadModel) -> HeadMesh:

@@ -10,16 +10,21 @@ import pytest
 import trimesh
 
 from sacha_core.avatar.motion import Motion
+from sacha_core.cli.common import HeadSource
+from sacha_core.cli.scene import open_scene
 from sacha_core.errors import HeadError, TopologyError
+from sacha_core.flame.head_file import save_head
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import Poser, person_template
 from sacha_core.flame.shelf import unwrapped_once
 from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.geometry.quaternion import to_matrix
+from sacha_core.geometry.rotation import rotation_vectors_to_matrices
 from sacha_core.interchange.head_mesh import HeadMesh, read_head_mesh
 from sacha_core.scene.animation import Animation, animation_of
+from sacha_core.scene.contents import scene_of_mesh
 from sacha_core.scene.rig import LARGEST_VALUE, Rig, rig_of
-from sacha_core.scene.topology import as_the_heads
+from sacha_core.scene.topology import as_the_heads, misfit
 
 ROUNDING_M = 5e-7  # float32 of arrays at the size of a head; sums are in double precision
 BEYOND = 23.0  # a coefficient that no shape key can hold
@@ -121,6 +126,50 @@ def test_split_vertices_are_joined_and_shuffled_triangles_are_refused(head: Head
     turned = HeadMesh(apart, np.roll(split.faces, 1, axis=0))
     with pytest.raises(TopologyError, match="in its order"):
         as_the_heads("turned", turned, head)
+
+
+@pytest.mark.parametrize(
+    ("scale", "turn", "said"),
+    [
+        (1, (0.2, -0.3, 0.1), None),
+        (1000, (0, 0, 0), "1e+03 times as large"),
+        (0.1, (0, 0, 0), "0.1 times as large"),
+        (1, (np.pi / 2, 0, 0), "turned by 90 degrees"),
+        (1, (0, np.pi, 0), "turned by 180 degrees"),
+    ],
+)
+def test_other_units_and_axes_are_noticed(
+    head: HeadModel, scale: float, turn: tuple[float, float, float], said: str | None
+) -> None:
+    rotation = rotation_vectors_to_matrices(np.array(turn, np.float64))
+    moved = HeadMesh((scale * head.v_template @ rotation.T + 3).astype(np.float32), head.faces)
+    reason = misfit(moved, head)
+    assert (reason is None) == (said is None)
+    assert said is None or said in reason
+    scene = scene_of_mesh("mesh", moved, head)
+    assert (scene.rig is None) == (said is not None)
+    assert said is None or f"No controls: {reason}" in scene.notes
+
+
+def test_a_mesh_is_taken_for_the_one_head_used_before_that_has_its_triangles(
+    tmp_path: Path, head: HeadModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SACHA_HEADS", str(tmp_path / "heads"))
+    skin = head.faces[: head.n_faces - head.n_teeth_faces]
+    trimesh.Trimesh(head.v_template, skin, process=False).export(tmp_path / "mesh.ply")
+    assert open_scene(tmp_path / "mesh.ply", HeadSource()).head == ""
+    save_head(replace(head, name="anna"), tmp_path / "anna.npz")
+    open_scene(tmp_path / "anna.npz", HeadSource())
+    found = open_scene(tmp_path / "mesh.ply", HeadSource())
+    assert found.head == "anna"
+    assert found.rig is not None
+    assert "'anna'" in found.notes[-1]
+    save_head(replace(head, name="bert", weights=np.roll(head.weights, 1, axis=1)), tmp_path / "bert.npz")
+    open_scene(tmp_path / "bert.npz", HeadSource())
+    both = open_scene(tmp_path / "mesh.ply", HeadSource())
+    assert both.head == ""
+    assert "anna" in both.notes[-1]
+    assert "bert" in both.notes[-1]
 
 
 def test_the_largest_mesh_of_a_gltf_scene_is_read_where_its_node_puts_it(tmp_path: Path, head: HeadModel) -> None:
