@@ -30,10 +30,8 @@ def open_mesh_scene(path: Path, source: HeadSource, motion: Path | None, scheme:
         SachaError: a file is damaged, or the mesh has not the triangles of the head that is named.
         OSError: a file cannot be read.
     """
-    mesh, notes = read_head_mesh(path), []
-    head = named_head(source)
-    if head is None:
-        head, notes = _used_before(mesh, source)
+    mesh, named = read_head_mesh(path), named_head(source)
+    head, notes = _used_before(mesh, source) if named is None else (named, [])
     if head is None:
         scene = scene_of_mesh(path.stem, mesh, None)
     else:

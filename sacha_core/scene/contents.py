@@ -152,16 +152,15 @@ def scene_of_mesh(
     n_faces = len(mesh.faces)
     uv = _corner_uv(head)
     uv = None if uv is None else uv[:n_faces]
+    scene = Scene(name, "mesh", head.name, mesh.vertices, mesh.faces, uv, {}, facts, [])
+    scene = _with_regions(scene, divided(head, PAPER.name, regions, areas_cm2(mesh.vertices, mesh.faces)))
     reason = misfit(mesh, head)
     if reason is not None:
-        notes = [*notes, f"No controls: {reason}"]
-        return Scene(name, "mesh", head.name, mesh.vertices, mesh.faces, uv, views, facts, notes)
+        return replace(scene, notes=[*scene.notes, f"No controls: {reason}"])
     person = _as_the_person(mesh, head, motion or Motion.rest(0, 0))
     rig = rig_of(head, person, len(mesh.vertices))
     animation = None if motion is None else animation_of(person, rig)
-    facts += _frames(motion)
-    scene = Scene(name, "mesh", head.name, mesh.vertices, mesh.faces, uv, {}, facts, [], rig, animation)
-    return _with_regions(scene, divided(head, PAPER.name, regions, areas_cm2(mesh.vertices, mesh.faces)))
+    return replace(scene, facts=[*facts, *_frames(motion)], rig=rig, animation=animation)
 
 
 def _with_regions(scene: Scene, parts: Divided) -> Scene:
