@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import engine_check, making, opening, panel, preferences, running, seeing, settings, steering, telling
+from . import engine_check, looking, making, opening, panel, preferences, running, seeing, settings, steering, telling
 
 bl_info = {  # for installations from a folder; extensions are described by blender_manifest.toml
     "name": "SACHA",
@@ -30,6 +30,7 @@ PARTS = (
     *opening.PARTS,
     *making.PARTS,
     *steering.PARTS,
+    *looking.PARTS,
     *telling.PARTS,
 )
 
