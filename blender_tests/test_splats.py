@@ -173,7 +173,7 @@ def test_soft_ones_are_instances(splats: bpy.types.Object) -> None:
     splats.sacha_splats.soft, splats.sacha_splats.least_opacity = True, 0.0
     depsgraph = bpy.context.evaluated_depsgraph_get()
     materials = [
-        one.object.data.materials[0].name
+        one.object.data.materials[-1].name
         for one in depsgraph.object_instances
         if one.is_instance and one.parent.original == splats
     ]

@@ -32,7 +32,7 @@ def take(name: str, path: Path) -> bpy.types.Image:
     if old is not None:
         old.user_remap(image)
         bpy.data.images.remove(old)
-    image.name = name
+    image.name, image.use_fake_user = name, True  # kept though nothing but the sidebar shows it
     image.filepath_raw = f"//{name}.png"  # the engine's file is about to go; the picture is packed
     return image
 
