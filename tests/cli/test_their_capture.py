@@ -201,6 +201,19 @@ def test_a_sequence_alone_is_a_capture(union: Path) -> None:
 
 
 @pytest.mark.slow
+def test_one_camera_is_enough(done, flame: Path, tmp_path: Path) -> None:
+    """A video of oneself: nothing is held out, neither a camera nor an expression."""
+    frames = write_sequence(tmp_path, 0, "FREE", 3, masks=True, mode="RGB")
+    folder = tmp_path / f"074_FREE_{SUFFIX}"
+    write_json(folder / "transforms_train.json", [frame for frame in frames if frame["camera_index"] == FRONT])
+    for split in ("val", "test"):
+        (folder / f"transforms_{split}.json").write_text(json.dumps({"frames": []}))
+    (folder / "transforms.json").write_bytes((folder / "transforms_train.json").read_bytes())
+    report = done("train", folder, "--head", flame, "-o", tmp_path / "m", "--iterations", 3, "--sh-degree", 0).report
+    assert report["n_gaussians"] > 0
+
+
+@pytest.mark.slow
 def test_training_wants_but_the_path_and_the_head(done, union: Path, flame: Path, tmp_path: Path) -> None:
     """And what it writes has GaussianAvatars' own sizes."""
     model = tmp_path / "model"
