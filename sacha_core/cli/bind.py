@@ -79,8 +79,8 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     """
     import numpy as np
 
+    from sacha_core.animation.splat_binding import bound_to, nearest_binding
     from sacha_core.cli.sources import keep, named_head
-    from sacha_core.interchange.splat_binding import bound_to, nearest_binding
     from sacha_core.interchange.splat_ply import write_bound_ply
 
     require_consistent(options)
@@ -155,7 +155,7 @@ def placed(options: Options, head: HeadModel, vertices: np.ndarray) -> tuple[Gau
     """
     import numpy as np
 
-    from sacha_core.interchange.splat_binding import subdivided, with_colours_as_harmonics
+    from sacha_core.animation.splat_binding import subdivided, with_colours_as_harmonics
     from sacha_core.interchange.splat_ply import read_world_ply
     from sacha_core.interchange.y_down import turned_over
 

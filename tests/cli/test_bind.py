@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sacha_core.animation.splat_binding import subdivided
 from sacha_core.animation.standing import Standing
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.codec import decode
 from sacha_core.flame.synthetic import synthetic_head
-from sacha_core.interchange.splat_binding import subdivided
 from sacha_core.interchange.splat_ply import read_bound_ply, write_world_ply
 
 SH_0 = 0.28209479177387814

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from sacha_core.animation.kernels.nearest import nearest_triangles
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.errors import FormatError
 from sacha_core.flame.model import HeadModel
 from sacha_core.geometry import quaternion
 from sacha_core.geometry.triangle import triangle_frames
-from sacha_core.interchange.kernels.nearest import nearest_triangles
 
 __all__ = ["Subdivision", "bound_to", "nearest_binding", "subdivided", "with_colours_as_harmonics"]
 

@@ -10,6 +10,7 @@ import pytest
 from trimesh import Trimesh
 from trimesh.proximity import closest_point_naive
 
+from sacha_core.animation.splat_binding import bound_to, nearest_binding, subdivided, with_colours_as_harmonics
 from sacha_core.animation.standing import Standing
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.avatar.gaussians import Gaussians
@@ -17,7 +18,6 @@ from sacha_core.errors import FormatError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.open import open_head
 from sacha_core.flame.synthetic import synthetic_head
-from sacha_core.interchange.splat_binding import bound_to, nearest_binding, subdivided, with_colours_as_harmonics
 from sacha_core.interchange.splat_ply import read_bound_ply
 from sacha_core.raster.harmonics import sh_colours
 
