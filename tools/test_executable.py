@@ -15,7 +15,7 @@ from pathlib import Path
 from blender_env import ROOT, UnavailableError, executable, install_all, required
 from build_addon import build
 
-__all__ = ["main"]
+__all__ = ["clean_variables", "main"]
 
 TIME_LIMIT_S = 240  # it takes about 15 s
 NO_NUMPY = "has no NumPy, which every Blender of blender.org brings: apt-get install python3-numpy"
@@ -28,20 +28,31 @@ def check(blender: str, extension: Path) -> int:
         UnavailableError: this Blender cannot run add-ons.
     """
     with tempfile.TemporaryDirectory(prefix="sacha-blender-") as folder:
-        fresh = {
-            "BLENDER_USER_RESOURCES": f"{folder}/resources",
-            "BLENDER_USER_SCRIPTS": f"{folder}/resources/scripts",
-            "BLENDER_USER_CONFIG": f"{folder}/resources/config",
-            "SACHA_ENGINE": str(ROOT / ".venv" / "bin" / "python"),
-            "SACHA_EXTENSION": str(extension),
-            "SACHA_HEADS": f"{folder}/heads",
-            "PYTHONDONTWRITEBYTECODE": "1",
-            # Debian's Blender takes the standard library of the first Python on the path, which is not always Debian's
-            "PATH": os.pathsep.join([str(Path(blender).parent), "/usr/bin", "/bin"]),
-        }
+        fresh = clean_variables(blender, extension, folder)
         if _run(blender, fresh, "--python-expr", "import numpy"):
             raise UnavailableError(f"{blender} {NO_NUMPY}")
         return _run(blender, fresh, "--python", str(ROOT / "blender_tests" / "run.py"))
+
+
+def clean_variables(blender: str, extension: Path, folder: str) -> dict[str, str]:
+    """Give the environment of a Blender that nobody used before.
+
+    Args:
+        blender: the executable.
+        extension: the built add-on.
+        folder: where its settings go.
+    """
+    return {
+        "BLENDER_USER_RESOURCES": f"{folder}/resources",
+        "BLENDER_USER_SCRIPTS": f"{folder}/resources/scripts",
+        "BLENDER_USER_CONFIG": f"{folder}/resources/config",
+        "SACHA_ENGINE": os.environ.get("SACHA_ENGINE", str(ROOT / ".venv" / "bin" / "python")),
+        "SACHA_EXTENSION": str(extension),
+        "SACHA_HEADS": f"{folder}/heads",
+        "PYTHONDONTWRITEBYTECODE": "1",
+        # Debian's Blender takes the standard library of the first Python on the path, which is not always Debian's
+        "PATH": os.pathsep.join([str(Path(blender).parent), "/usr/bin", "/bin"]),
+    }
 
 
 def _run(blender: str, variables: dict[str, str], *arguments: str) -> int:
