@@ -21,6 +21,9 @@ from run import ENGINE, install  # noqa: E402  (it lies beside this file)
 
 PAUSE_S = 0.7  # between steps: time to draw
 FOLDER, *GIVEN = sys.argv[sys.argv.index("--") + 1 :]
+SIZE = (1600, 1200)  # of the window, pixels
+WIDER, SLIDES = 200, 4  # pixels that the sidebar gets, and in how many steps
+HELD: list[int] = []  # where its edge was held
 OPEN = {"SACHA_PT_main"}  # panels that stay open whatever is photographed
 
 
@@ -76,6 +79,39 @@ def look() -> None:
     bpy.ops.screen.screen_full_area()
 
 
+def choose_tab() -> None:
+    """Click on our tab of the sidebar, the second one: no script can choose it."""
+    point(SIZE[0] - 14, 156, "click", "1")
+
+
+def grab() -> None:
+    """Take the sidebar's edge."""
+    edge = next(one for one in bpy.context.area.regions if one.type == "UI").x
+    point(edge - 3, 700)
+    HELD.append(edge - 3)  # where Blender takes it for the edge
+
+
+def press() -> None:
+    """Hold it."""
+    point(HELD[0], 700, "mousedown", "1")
+
+
+def slide() -> None:
+    """Draw it on by a part of the way, as a hand does."""
+    HELD.append(HELD[-1] - WIDER // SLIDES)
+    point(HELD[-1], 700)
+
+
+def release() -> None:
+    """Let it go, and take the mouse out of the picture."""
+    point(HELD[-1], 700, "mouseup", "1", "mousemove", "300", "900")
+
+
+def point(x: int, y: int, *more: str) -> None:
+    """Move the mouse, and press it."""
+    subprocess.run(["xdotool", "mousemove", str(x), str(y), *more], check=True, stdin=subprocess.DEVNULL)
+
+
 def take(name: str) -> Callable[[], None]:
     """Make a step that takes a screenshot."""
     return lambda: bpy.ops.screen.screenshot(filepath=str(Path(FOLDER) / f"{name}.png"))
@@ -103,7 +139,9 @@ def fail() -> None:
 
 def favour() -> None:
     """Raise the mouth's weight."""
-    bpy.context.object.data.sacha_steering.regions["mouth"].weight = 2.0
+    regions = bpy.context.object.data.sacha_steering.regions
+    if "mouth" in regions:
+        regions["mouth"].weight = 2.0
 
 
 def forget_engine() -> None:
@@ -117,12 +155,13 @@ def preferences() -> bpy.types.AddonPreferences:
 
 
 STEPS: list[Callable[[], object]] = [
-    start, look, lambda: open_only("SACHA_PT_shown", "SACHA_PT_regions"), take("seeing_region"),
+    start, look, choose_tab, grab, press, *[slide] * SLIDES, release,
+    lambda: open_only("SACHA_PT_shown", "SACHA_PT_regions"), take("seeing_region"),
     show("COUNT"), take("seeing_count"), show("BYTES"), take("seeing_bytes"),
-    favour, lambda: open_only("SACHA_PT_steer"), take("steering"),
-    lambda: open_only("SACHA_PT_look", "SACHA_PT_splats", "SACHA_PT_export"), take("looking"),
-    lambda: open_only("SACHA_PT_files", "SACHA_PT_train", "SACHA_PT_make", "SACHA_PT_batch"), take("making"),
-    lambda: open_only("SACHA_PT_controls", "SACHA_PT_head"), take("controls"),
+    favour, lambda: open_only("SACHA_PT_budget", "SACHA_PT_outcome"), take("steering"),
+    lambda: open_only("SACHA_PT_look", "SACHA_PT_preview"), take("looking"),
+    lambda: open_only("SACHA_PT_files", "SACHA_PT_training", "SACHA_PT_film"), take("making"),
+    lambda: open_only("SACHA_PT_controls"), take("controls"),
     fail, lambda: open_only("SACHA_PT_help"), take("problem"),
     forget_engine, lambda: None, take("no_engine"),
 ]  # fmt: skip

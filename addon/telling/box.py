@@ -20,6 +20,6 @@ def draw_problem(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     draw_sentence(box, context, wrong.message, icon="ERROR")
     if wrong.advice:
         draw_sentence(box, context, wrong.advice, icon="INFO")
-    row = box.row()
-    row.operator("sacha.dismiss", icon="X")
-    row.operator("sacha.copy_diagnostics", icon="COPYDOWN")
+    buttons = box.column(align=True)
+    buttons.operator("sacha.dismiss", icon="X")
+    buttons.operator("sacha.copy_diagnostics", icon="COPYDOWN")
