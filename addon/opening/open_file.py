@@ -12,6 +12,7 @@ from bpy_extras.io_utils import ImportHelper
 from .. import bridge, engine, preferences, running, sources
 from ..job import Job
 from ..seeing import numbers
+from ..steering.settings import list_regions
 from . import cameras, controls, rigging
 from .scene_folder import SceneFolder, read_scene_folder
 
@@ -133,6 +134,7 @@ def show(context: bpy.types.Context, opened: SceneFolder, source: Path) -> tuple
     if opened.uv is not None:
         bridge.texture_coordinates(mesh, "uv", opened.uv)
     numbers.describe(mesh, opened, source)
+    list_regions(mesh)
 
     shown = bpy.data.objects.new(opened.name, mesh)
     context.collection.objects.link(shown)

@@ -3,6 +3,6 @@
 
 from __future__ import annotations
 
-from . import settings
+from . import apply_budget, own_regions, panel, settings
 
-PARTS = (settings,)
+PARTS = (settings, apply_budget, own_regions, panel)

@@ -148,7 +148,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     if options.output.suffix.lower() != ".sacha":
         console.hint(f"sacha encode {encode_arguments(options)}")
     if options.scene is not None:
-        lay_out(options)
+        lay_out(options, path)
     return report(options, written, scores, path, partition, judged)
 
 
@@ -177,13 +177,14 @@ def require_consistent(options: Options) -> None:
         raise OptionError(f"--views is {options.views}, expected at least 1")
 
 
-def lay_out(options: Options) -> None:
-    """Write the result as a scene."""
-    from sacha_core.cli.scene import open_scene
+def lay_out(options: Options, scores: Path) -> None:
+    """Write the result as a scene, beside what was before."""
+    from sacha_core.cli.scene import Extras, open_scene
     from sacha_core.scene.folder import write_scene
 
     assert options.scene is not None
-    write_scene(open_scene(options.output, options.head), options.scene)
+    extras = Extras(scores, options.before or options.avatar, options.scheme)
+    write_scene(open_scene(options.output, options.head, extras), options.scene)
 
 
 def size_of(written: Written) -> str:
