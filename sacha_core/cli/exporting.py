@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 __all__ = ["FORMATS", "Format", "require_consistent"]
 
 MAP_SIDE, MAP_MARGIN = 1024, 4  # texels; the margin keeps smaller copies of the picture from bleeding over seams
-PNG_START = b"\x89PNG\r\n\x1a\n"
 SPZ_ENLARGED = 16.0  # SPZ rounds places to 1/4096 of a unit, a quarter of a millimetre were the unit a metre
 
 
@@ -171,13 +170,25 @@ def skin_picture(head: HeadModel, options: Options) -> tuple[bytes | None, str]:
     """
     if options.texture is not None:
         picture = options.texture.read_bytes()
-        if not picture.startswith(PNG_START):
-            raise FormatError(f"{options.texture} is no PNG, which is what goes onto the skin")
+        require_png(picture, options.texture)
         return picture, f"skin of {options.texture.name}"
     try:
         return region_map(head), "skin painted by region"
     except HeadError:  # a head without regions has a skin, too
         return None, "grey skin; --masks FILE would tell its regions"
+
+
+def require_png(picture: bytes, path: Path) -> None:
+    """Check that a picture, which goes into a file as it is, will be understood there.
+
+    Raises:
+        FormatError: it is damaged, or no PNG.
+    """
+    try:
+        with Image.open(io.BytesIO(picture), formats=("PNG",)) as image:
+            image.verify()
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise FormatError(f"{path} is no PNG that can be read, which is what goes onto the skin") from error
 
 
 def region_map(head: HeadModel) -> bytes:

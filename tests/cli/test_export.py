@@ -157,9 +157,15 @@ def test_a_head_as_gltf(done, refused, sacha_file: Path, tmp_path: Path) -> None
     report = done("export", sacha_file, "--format", "gltf-head", "-o", tmp_path / "a.glb").report
     assert report["bytes"] == (tmp_path / "a.glb").stat().st_size
     check_region_map(tmp_path / "a.glb")
-    (tmp_path / "a.txt").write_text("no picture")
-    with_text = ("--format", "gltf-head", "--texture", tmp_path / "a.txt", "-o", tmp_path / "b.glb")
-    assert "a.txt is no PNG" in refused("export", sacha_file, *with_text)
+    picture = io.BytesIO()
+    Image.fromarray(np.zeros((40, 40), np.uint8)).save(picture, "PNG")
+    (tmp_path / "a.png").write_bytes(picture.getvalue())
+    done("export", sacha_file, "--format", "gltf-head", "--texture", tmp_path / "a.png", "-o", tmp_path / "c.glb")
+    assert picture.getvalue() in (tmp_path / "c.glb").read_bytes()
+    for wrong in (b"no picture", picture.getvalue()[:50], picture.getvalue()[:60].replace(b"IDAT", b"XDAT")):
+        (tmp_path / "a.txt").write_bytes(wrong)
+        with_text = ("--format", "gltf-head", "--texture", tmp_path / "a.txt", "-o", tmp_path / "b.glb")
+        assert "a.txt is no PNG" in refused("export", sacha_file, *with_text)
     with_nothing = ("--format", "gltf-head", "--texture", tmp_path / "nowhere.png", "-o", tmp_path / "b.glb")
     assert "nowhere.png" in refused("export", sacha_file, *with_nothing)
     assert not (tmp_path / "b.glb").exists()

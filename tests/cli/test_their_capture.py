@@ -15,6 +15,8 @@ import pytest
 from PIL import Image
 from scipy.sparse import csc_matrix
 
+from sacha_core.flame.head_file import load_head
+from sacha_core.flame.open import open_head
 from sacha_core.interchange.capture import read_capture
 from sacha_core.interchange.gaussian_avatars import read_model
 
@@ -56,6 +58,7 @@ def flame(done, tmp_path_factory: pytest.TempPathFactory) -> Path:
         300,
         100,
     )
+    assert load_head(folder / "flame.npz").reference == open_head(folder / "flame2023.pkl").reference
     return folder / "flame.npz"
 
 
