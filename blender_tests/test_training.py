@@ -1,6 +1,6 @@
 """Training from Blender: it survives Blender, is found again, is told from another process, and stops when it is asked to.
 
-Most tests let a small script stand in for the engine, so that what it does when can be chosen; one trains with the engine itself.
+A small script stands in for the engine, so that what it does when can be chosen; test_film.py trains with the engine itself.
 """
 
 from __future__ import annotations
@@ -18,10 +18,9 @@ from types import ModuleType
 
 import bpy
 import pytest
-from conftest import ENGINE, EXTENSION
+from conftest import EXTENSION
 
 LIMIT_S = 60.0  # far more than anything here takes
-SYNTH_LIMIT_S = 120
 PROGRESS = '{"stage": "train", "done": 250, "total": 1000, "seconds_left": 185.2, "values": {"loss": 0.125, "gaussians": 5040}}'
 SIZE = {"w": 64, "h": 96}
 
@@ -285,22 +284,3 @@ def test_a_training_is_found_again_after_blender_was_killed(
     wait_until(lambda: known_runs.refresh()[0].said.fraction == 0.25)
     bpy.ops.sacha.stop_training(model=str(model))
     wait_until(lambda: standing(run_folder, model) == "stopped")
-
-
-def test_a_synthetic_capture_becomes_an_avatar_that_opens(preferences, known_runs, tmp_path: Path) -> None:
-    """With the engine itself, from a capture to a mesh that carries the Gaussians which the report tells of."""
-    data, model = tmp_path / "data", tmp_path / "model"
-    small = ["--width", "24", "--height", "36", "--timesteps", "2", "--test-timesteps", "1", "--supersample", "1"]
-    few = ["--sequences", "EMO-1", "--cameras", "3", "8", "12", "--head", "synthetic:small"]
-    subprocess.run(
-        [ENGINE, "-m", "sacha_core", "synth", data, *small, *few],
-        check=True,
-        timeout=SYNTH_LIMIT_S,
-        capture_output=True,
-    )
-    assert bpy.ops.sacha.train(dataset=str(data), model=str(model), iterations=12) == {"FINISHED"}
-    (status,) = known_runs.shown()
-    assert (status.standing.value, status.said.stage, status.said.fraction) == ("finished", "train", 1.0)
-    told = json.loads((model / "run" / "report.json").read_text())
-    bpy.ops.sacha.open(filepath=str(model))
-    assert any(f"{told['n_gaussians']:,} Gaussians" in fact.name for fact in bpy.context.object.data.sacha.facts)

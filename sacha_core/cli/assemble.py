@@ -67,19 +67,24 @@ def run(options: Options, console: Console) -> dict[str, Any]:
 
 
 def head_of(path: Path, source: HeadSource) -> HeadModel:
-    """Give the head that a mesh has which was opened from a file.
+    """Give the head that a mesh has which `sacha scene` opened from a file.
 
     Raises:
         SachaError: the file is damaged, or does not say which head it has and none is named.
         OSError: it cannot be read.
     """
-    from sacha_core.cli.sources import named_head, open_avatar
+    from sacha_core.cli.scene import of_model
+    from sacha_core.cli.sources import capture_head, named_head, open_avatar
     from sacha_core.flame.open import open_head
+    from sacha_core.interchange.capture import is_capture, read_capture
 
     if path.suffix.lower() in {".npz", ".pkl"}:
         return open_head(str(path), masks=source.masks)
-    if path.is_dir() or path.suffix.lower() == ".sacha":
-        return open_avatar(path, source).head
+    if path.is_dir() and is_capture(path):
+        return capture_head(read_capture(path), source)
+    avatar = of_model(path)
+    if avatar.is_dir() or avatar.suffix.lower() == ".sacha":
+        return open_avatar(avatar, source).head
     head = named_head(source)
     if head is None:
         raise MissingHeadError(f"{path} does not say which head it has: name it with --head HEAD")

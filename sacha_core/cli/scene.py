@@ -16,7 +16,7 @@ from sacha_core.progress import Progress
 if TYPE_CHECKING:
     from sacha_core.scene.contents import Scene
 
-__all__ = ["INPUTS", "Extras", "Options", "open_scene", "run"]
+__all__ = ["INPUTS", "Extras", "Options", "of_model", "open_scene", "run"]
 
 INPUTS = ("file", "compare", "scores", "scheme", "motion")
 
@@ -115,7 +115,7 @@ def open_scene(path: Path, source: HeadSource, extras: Extras | None = None) -> 
     of_capture, of_head = path.is_dir() and is_capture(path), suffix in {".npz", ".pkl"}
     of_mesh = suffix in SUFFIXES and not (suffix == ".ply" and _holds_gaussians(path))
     if not (of_capture or of_head or of_mesh):
-        return scene_of_opened(path, open_avatar(_of_model(path), source, extras.motion), source, extras)
+        return scene_of_opened(path, open_avatar(of_model(path), source, extras.motion), source, extras)
     if extras.compare is not None or extras.scores is not None:
         raise OptionError(f"{path} is no avatar: --compare and --scores are for avatars")
     if of_capture:
@@ -131,7 +131,7 @@ def open_scene(path: Path, source: HeadSource, extras: Extras | None = None) -> 
     return scene_of_head(head, motion, regions_of(extras.scheme, head))
 
 
-def _of_model(path: Path) -> Path:
+def of_model(path: Path) -> Path:
     """Give the folder of a trained model's iteration for its Gaussians' PLY: its motion and the name of its head lie around it."""
     is_of_model = path.name == "point_cloud.ply" and path.parent.parent.name == "point_cloud"
     return path.parent if is_of_model else path

@@ -138,8 +138,12 @@ def test_a_head_that_is_elsewhere_is_refused_before_there_are_pictures(call, foo
     assert not (tmp_path / "data").exists()
 
 
-def test_an_avatar_and_a_mesh_say_which_head_they_have(done, call, footage: Path, model: Path, tmp_path: Path) -> None:
-    done("assemble", footage, "--source", model, "-o", tmp_path / "data", "--check")
+def test_an_avatar_and_a_mesh_say_which_head_they_have(
+    done, call, footage: Path, model: Path, capture: Path, tmp_path: Path
+) -> None:
+    ply = next(model.rglob("point_cloud.ply"))
+    for source in (model, ply, capture):
+        done("assemble", footage, "--source", source, "-o", tmp_path / "data", "--check")
     mesh = tmp_path / "head.obj"
     mesh.write_text("")
     found = call("assemble", footage, "--source", mesh, "-o", tmp_path / "data", "--check")
