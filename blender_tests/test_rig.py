@@ -174,6 +174,10 @@ def test_a_scaled_or_broken_head_is_not_read(addon: ModuleType, hard: bpy.types.
     hard.parent.scale = (2, 2, 2)
     with pytest.raises(ValueError, match="scale"):
         controls.read(hard, bpy.context.evaluated_depsgraph_get())
+    hard.parent.scale = (1, 1, 1)
+    hard.location.x = 0.1
+    with pytest.raises(ValueError, match="moved apart"):
+        controls.read(hard, bpy.context.evaluated_depsgraph_get())
     hard.data.shape_keys.key_blocks["expression_003"].name = "mine"
     with pytest.raises(ValueError, match="'expression_003'"):
         controls.read(hard, bpy.context.evaluated_depsgraph_get())
@@ -396,6 +400,36 @@ def test_opening_while_another_mesh_is_edited_ends_the_edit(hard: bpy.types.Obje
     again = rigs.open("hard.npz")
     assert again != hard
     assert again.mode == hard.mode == "OBJECT"
+
+
+@pytest.mark.parametrize("hide", ["exclude", "hide_viewport"])
+def test_where_the_active_collection_is_hidden_the_scenes_own_is_taken(
+    addon: ModuleType, rigs: Rigs, hide: str
+) -> None:
+    hidden = bpy.data.collections.new("hidden")
+    bpy.context.scene.collection.children.link(hidden)
+    layer = bpy.context.view_layer.layer_collection.children["hidden"]
+    bpy.context.view_layer.active_layer_collection = layer
+    setattr(layer, hide, True)
+    dial(rigs.open("hard.npz"), rigs.truth, 0)
+    assert error_m(bpy.context.object, rigs.truth["dialled"][0]) <= POSE_ERROR_M
+
+
+def test_names_too_long_for_blender_move_all_the_same(addon: ModuleType, rigs: Rigs, tmp_path: Path) -> None:
+    with np.load(rigs.folder / "arkit.npz") as kept:
+        arrays = dict(kept)
+    arrays["arkit_names"] = np.array(["Basis", *(f"{'x' * 70}{k}" for k in range(1, 5))])
+    np.savez(tmp_path / "long.npz", **arrays)
+    weights = np.eye(5, dtype=np.float32)
+    np.savez(tmp_path / "weights.npz", weights=weights, names=arrays["arkit_names"], time_s=np.arange(5) / 30)
+    bpy.ops.sacha.open(filepath=str(tmp_path / "long.npz"), motion=str(tmp_path / "weights.npz"))
+    shown = bpy.context.object
+    controls = __import__(f"{EXTENSION}.opening.controls", fromlist=["read"])
+    for frame, vertices in enumerate(rigs.truth["arkit"]):
+        bpy.context.scene.frame_set(1 + frame)
+        assert error_m(shown, vertices) <= STILL_ERROR_M
+        read = controls.read(shown, bpy.context.evaluated_depsgraph_get())
+        assert np.array_equal(read["expression"], weights[frame])
 
 
 def test_an_avatar_of_the_materials_head_rests_as_before(opened: bpy.types.Object, material: Material) -> None:

@@ -95,21 +95,24 @@ def _joint_channels(animation: Part, rig: Part) -> list[Channel]:
 
 def _expression_channels(shown: bpy.types.Object, animation: Part, rig: Part) -> list[Channel]:
     """Give what the expressions do, in the values of the head's own shape keys."""
-    blocks = shown.data.shape_keys.key_blocks
-    own = {expression.name: expression.scale for expression in shown.data.sacha_rig.expressions}
+    blocks, own = shown.data.shape_keys.key_blocks, shown.data.sacha_rig.expressions
+    if len(own) != len(rig.values["names"]):
+        raise ValueError(f"{shown.name} has {len(own)} expressions, the motion moves {len(rig.values['names'])}")
     channels = []
-    columns = zip(rig.values["names"], rig.arrays["scales"].tolist(), animation.arrays["values"].T, strict=True)
-    for name, scale, column in columns:
-        if name not in own or name not in blocks:
-            raise ValueError(f"{shown.name} has no shape key {name!r}, which the motion moves: open its file again")
-        values, block = column * np.float32(scale / own[name]), blocks[name]
+    columns = zip(own, rig.arrays["scales"].tolist(), animation.arrays["values"].T, strict=True)
+    for expression, scale, column in columns:
+        block = blocks.get(expression.name)
+        if block is None:
+            raise ValueError(f"{shown.name} has lost its shape key {expression.name!r}: open its file again")
+        values = column * np.float32(scale / expression.scale)
         block.slider_min = min(block.slider_min, float(values.min()))
         block.slider_max = max(block.slider_max, float(values.max()))
         if values.min() < block.slider_min or values.max() > block.slider_max:
+            largest = f"{np.abs(values).max():.3g}"
             raise ValueError(
-                f"The motion brings {name!r} to {np.abs(values).max():.3g}, further than its shape key goes: open the head with it"
+                f"The motion brings {block.name!r} to {largest}, further than its shape key goes: open the head with it"
             )
-        path = f'key_blocks["{bpy.utils.escape_identifier(name)}"].value'
+        path = f'key_blocks["{bpy.utils.escape_identifier(block.name)}"].value'
         channels.append(Channel(path, 0, values, 0.0, "Expressions"))
     return channels
 

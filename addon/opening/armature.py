@@ -6,6 +6,8 @@ A bone lies along the engine's y axis without roll, so that its own axes are the
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import bpy
 import numpy as np
 from mathutils import Vector
@@ -20,10 +22,12 @@ PIVOT = "SACHA joint"  # the constraint that turns a bone about where expression
 WHOLE = 1e-9  # weights below it move no vertex by a nanometre
 
 
-def new_armature(context: bpy.types.Context, name: str, rig: Part) -> bpy.types.Object:
-    """Make the armature of a rig, at rest, linked to the scene's collection."""
+def new_armature(
+    context: bpy.types.Context, collection: bpy.types.Collection, name: str, rig: Part
+) -> bpy.types.Object:
+    """Make the armature of a rig, at rest, in a collection that is shown."""
     armature = bpy.data.objects.new(name, bpy.data.armatures.new(name))
-    context.collection.objects.link(armature)
+    collection.objects.link(armature)
     armature.show_in_front = True
     context.view_layer.objects.active = armature
     bpy.ops.object.mode_set(mode="EDIT")
@@ -47,9 +51,18 @@ def skin(shown: bpy.types.Object, armature: bpy.types.Object, rig: Part) -> None
     """Let a mesh follow the armature by linear blend skinning."""
     for joint, weights in zip(rig.values["joint_names"], rig.arrays["weights"].T, strict=True):
         group = shown.vertex_groups.new(name=joint)
-        for weight in np.unique(weights[weights > WHOLE]):
-            group.add(np.flatnonzero(weights == weight).tolist(), float(weight), "REPLACE")
+        for weight, vertices in _by_weight(weights):
+            group.add(vertices, weight, "REPLACE")
     modifier = shown.modifiers.new(armature.name, "ARMATURE")
     modifier.object = armature
     modifier.use_deform_preserve_volume = False
     shown.parent = armature
+
+
+def _by_weight(weights: np.ndarray) -> Iterator[tuple[float, list[int]]]:
+    """Give each weight that counts with the vertices that have it, for a group takes many vertices of one weight at once."""
+    vertices = np.flatnonzero(weights > WHOLE)
+    vertices = vertices[np.argsort(weights[vertices], kind="stable")]
+    different = np.flatnonzero(np.diff(weights[vertices])) + 1
+    for alike in np.split(vertices, different) if len(vertices) else ():
+        yield float(weights[alike[0]]), alike.tolist()

@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 SHAPE = "sacha_shape"  # property of a mesh: the identity coefficients of its person
-RIGID_ERROR = 1e-4  # scale of an object's matrix, as far as hands and rounding make it
+RIGID_ERROR = 1e-4  # of the entries of an object's matrix: rounding, and hands that nearly let it be
 
 
 class SachaExpression(bpy.types.PropertyGroup):
@@ -62,11 +62,11 @@ def detach() -> None:
     del bpy.types.Mesh.sacha_rig
 
 
-def describe(mesh: bpy.types.Mesh, rig: Part) -> None:
-    """Keep with a mesh what is needed to read its controls."""
-    for name, scale in zip(rig.values["names"], rig.arrays["scales"].tolist(), strict=True):
+def describe(mesh: bpy.types.Mesh, keys: list[bpy.types.ShapeKey], rig: Part) -> None:
+    """Keep with a mesh what is needed to read its controls: the shape keys by the names that Blender gave them."""
+    for key, scale in zip(keys, rig.arrays["scales"].tolist(), strict=True):
         expression = mesh.sacha_rig.expressions.add()
-        expression.name, expression.scale = name, scale
+        expression.name, expression.scale = key.name, scale
     mesh[SHAPE] = rig.arrays["shape"].astype(np.float64).tolist()
 
 
@@ -127,7 +127,7 @@ def read(shown: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> dict[str, n
         radians, `translation` (3,) metres, and `shape` (s,) of the person. Where the objects stand is part of rotation and translation.
 
     Raises:
-        ValueError: the head has lost its armature, a joint or an expression, or its object is scaled.
+        ValueError: the head has lost its armature, a joint or an expression, or was scaled or moved apart from its joints.
     """
     armature, keys = armature_of(shown), shown.data.shape_keys
     if armature is None or keys is None:
@@ -141,6 +141,9 @@ def read(shown: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> dict[str, n
     bones = evaluated.pose.bones
     if "root" not in bones:
         raise ValueError(f"{armature.name} has lost its joint 'root': open the head's file again")
+    apart = np.array(shown.evaluated_get(depsgraph).matrix_world) - np.array(evaluated.matrix_world)
+    if np.abs(apart).max() > RIGID_ERROR:
+        raise ValueError(f"{shown.name} was moved apart from its joints: move {armature.name} instead")
     rotation, translation = _placed(evaluated, bones["root"])
     turns = {joint: np.array(_turn(bones, joint)) for joint in ("neck", "jaw", "left_eye", "right_eye")}
     return {

@@ -137,7 +137,7 @@ def show(context: bpy.types.Context, opened: SceneFolder, source: Path) -> tuple
     list_regions(mesh)
 
     shown = bpy.data.objects.new(opened.name, mesh)
-    context.collection.objects.link(shown)
+    _shown_collection(context).objects.link(shown)
     notes = rigging.rig_up(context, shown, opened)
     if "cameras" in opened.parts:
         notes += cameras.add_cameras(context, opened.name, opened.parts["cameras"])
@@ -147,6 +147,12 @@ def show(context: bpy.types.Context, opened: SceneFolder, source: Path) -> tuple
     context.view_layer.objects.active = shown
     _show_colours_in_views(context)
     return shown, notes
+
+
+def _shown_collection(context: bpy.types.Context) -> bpy.types.Collection:
+    """Give the active collection, or the scene's own where that is hidden: what is hidden cannot be made active."""
+    active = context.view_layer.active_layer_collection
+    return active.collection if active.is_visible else context.scene.collection
 
 
 def _show_colours_in_views(context: bpy.types.Context) -> None:

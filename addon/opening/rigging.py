@@ -22,10 +22,10 @@ def rig_up(context: bpy.types.Context, shown: bpy.types.Object, opened: SceneFol
         return []
     expressions = shape_keys.new_expression_keys(shown, rig)
     correctives = shape_keys.new_corrective_keys(shown, rig)
-    joints = armature.new_armature(context, f"{shown.name} joints", rig)
+    joints = armature.new_armature(context, shown.users_collection[0], f"{shown.name} joints", rig)
     armature.skin(shown, joints, rig)
     drivers.correct_poses(joints, correctives, rig)
     drivers.move_joints(joints, expressions, rig)
-    controls.describe(shown.data, rig)
+    controls.describe(shown.data, expressions, rig)
     animation = opened.parts.get("animation")
     return [] if animation is None else animating.animate(context, shown, animation, rig)
