@@ -6,13 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sacha_core.errors import OptionError, TopologyError
+from sacha_core.errors import HeadError, OptionError, TopologyError
 
 if TYPE_CHECKING:
     from sacha_core.cli.console import Console
     from sacha_core.cli.prune import Options
     from sacha_core.cli.sources import Opened
     from sacha_core.density.scores_file import Scores
+    from sacha_core.regions.partition import Partition
 
 __all__ = ["scores_of", "stored_scores"]
 
@@ -101,8 +102,27 @@ def make_scores(options: Options, opened: Opened, console: Console) -> tuple[Pat
     chosen = replace(chosen, importance=replace(chosen.importance, views=options.views))
     capture = None if options.dataset is None else read_capture(options.dataset)
     gaussians, motion = opened.avatar.gaussians, opened.avatar.motion
-    scored = score_avatar(gaussians, opened.head, motion, capture, chosen, console.report)
+    partition = own_regions(options, opened)
+    scored = score_avatar(gaussians, opened.head, motion, capture, chosen, console.report, partition)
     path = options.scores or beside(options.avatar)
     write_scores(path, scored.scores)
     console.wrote("scores", path, f"{len(gaussians):,} Gaussians in {scored.n_views} views")
     return path, scored.scores
+
+
+def own_regions(options: Options, opened: Opened) -> Partition | None:
+    """Give the regions of --scheme where the head has no masks to make the usual ones from; None where it has.
+
+    Raises:
+        SachaError: the scheme file is damaged or another head's.
+    """
+    from sacha_core.regions.partition import partition_by
+    from sacha_core.regions.scheme_file import read_scheme_file
+
+    if options.scheme is None:
+        return None
+    try:
+        partition_by(opened.head)
+    except HeadError:
+        return read_scheme_file(options.scheme, opened.head)
+    return None

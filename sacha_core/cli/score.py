@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["INPUTS", "Options", "beside", "run"]
 
-INPUTS = ("avatar", "motion", "dataset")
+INPUTS = ("avatar", "motion", "dataset", "scheme")
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,9 @@ class Options:
     means: Literal["visible", "plain", "weighted"] = "visible"
     """Which mean sensitivity tells what a region needs: of the Gaussians that show, of all, or weighted by how much of each shows."""
 
+    scheme: FileOption = None
+    """Regions of one's own (.scheme.npz) instead of those that masks make."""
+
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Where to compute."""
 
@@ -85,6 +89,8 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     from sacha_core.density.scores_file import write_scores
     from sacha_core.evaluate.importance import score_avatar
     from sacha_core.interchange.capture import read_capture
+    from sacha_core.regions.scheme import find_scheme
+    from sacha_core.regions.scheme_file import read_scheme_file
 
     chosen = score_options(options)
     output = options.output or beside(options.avatar)
@@ -93,15 +99,17 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     capture = None if options.dataset is None else read_capture(options.dataset)
     opened = open_avatar(options.avatar, options.head, options.motion)
     gaussians, motion = opened.avatar.gaussians, opened.avatar.motion
-    scored = score_avatar(gaussians, opened.head, motion, capture, chosen, console.report)
+    partition = None if options.scheme is None else read_scheme_file(options.scheme, opened.head)
+    scored = score_avatar(gaussians, opened.head, motion, capture, chosen, console.report, partition)
+    names = find_scheme(scored.scores.scheme).regions if partition is None else partition.regions
     write_scores(output, scored.scores)
     of = f"the training cameras of {capture.root}" if capture else "the rig round the head"
     console.wrote("scores", output, f"{len(gaussians):,} Gaussians in {scored.n_views} views of {of}")
     console.say(f"sensitivity  {where_from(scored)}")
-    console.say(f"\n{region_table(scored)}")
+    console.say(f"\n{region_table(scored, names)}")
     head = "".join(f" --{name} {value}" for name, value in asdict(options.head).items() if value is not None)
     console.hint(f"sacha prune {options.avatar}{head} --scores {output} --keep 0.6 -o {smaller(options.avatar)}")
-    return report(scored, options, output)
+    return report(scored, names, options, output)
 
 
 def score_options(options: Options) -> TrainOptions:
@@ -147,7 +155,7 @@ def where_from(scored: Scored) -> str:
     )
 
 
-def region_table(scored: Scored) -> str:
+def region_table(scored: Scored, names: Sequence[str]) -> str:
     """Set the regions as measured as a table."""
     rows = [
         (
@@ -159,15 +167,13 @@ def region_table(scored: Scored) -> str:
             f"{row['threshold']:.2e}",
             f"{row['ratio']:.3f}",
         )
-        for row in regions(scored)
+        for row in regions(scored, names)
     ]
     return table(("region", "Gaussians", "visible", f"a_R ({scored.calibration.used})", "m_R", "tau_R", "rho_R"), rows)
 
 
-def regions(scored: Scored) -> list[dict[str, Any]]:
+def regions(scored: Scored, names: Sequence[str]) -> list[dict[str, Any]]:
     """Give what was measured of each region."""
-    from sacha_core.regions.scheme import find_scheme
-
     found = scored.calibration
     means = {"plain": found.mean_plain, "visible": found.mean_visible, "weighted": found.mean_weighted}
     return [
@@ -181,11 +187,11 @@ def regions(scored: Scored) -> list[dict[str, Any]]:
             "threshold": found.threshold[r],
             "ratio": found.ratio[r],
         }
-        for r, name in enumerate(find_scheme(scored.scores.scheme).regions)
+        for r, name in enumerate(names)
     ]
 
 
-def report(scored: Scored, options: Options, output: Path) -> dict[str, Any]:
+def report(scored: Scored, names: Sequence[str], options: Options, output: Path) -> dict[str, Any]:
     """Give the report for machines."""
     return {
         "avatar": options.avatar,
@@ -197,5 +203,5 @@ def report(scored: Scored, options: Options, output: Path) -> dict[str, Any]:
         "sensitivity": "learned" if scored.learned else "estimated",
         "score": options.score,
         "means": options.means,
-        "regions": regions(scored),
+        "regions": regions(scored, names),
     }

@@ -33,10 +33,16 @@ def partition_of(head: HeadModel, scheme: Path | None, name: str) -> Partition:
         OSError: it cannot be read.
     """
     from sacha_core.regions.partition import partition_by
-    from sacha_core.regions.scheme import find_scheme
+    from sacha_core.regions.scheme import SCHEMES, find_scheme
     from sacha_core.regions.scheme_file import read_scheme_file
 
-    return partition_by(head, find_scheme(name)) if scheme is None else read_scheme_file(scheme, head)
+    if scheme is not None:
+        return read_scheme_file(scheme, head)
+    if name not in SCHEMES:
+        raise OptionError(
+            f"the scores are of regions of somebody's own, {name!r}; name the file of these with --scheme"
+        )
+    return partition_by(head, find_scheme(name))
 
 
 def budget_of(options: Options, n: int, partition: Partition, head: HeadModel) -> Budget:

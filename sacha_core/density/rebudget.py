@@ -17,6 +17,7 @@ from sacha_core.density.scores_file import Scores
 from sacha_core.density.selection import Selection, lowest_of_all, lowest_of_each_region, quota
 from sacha_core.errors import FormatError, OptionError
 from sacha_core.regions.partition import Partition
+from sacha_core.regions.scheme import SCHEMES
 
 __all__ = ["Rebudget", "rebudget"]
 
@@ -192,7 +193,8 @@ def _measured(
 ) -> Float[np.ndarray, " r"]:
     n_regions = len(partition.regions)
     calibrations = [event for event in scores.events if isinstance(event, Calibration)]
-    if calibrations and partition.name == scores.scheme:
+    known_scheme = partition.name == scores.scheme and partition.name in SCHEMES  # one's own may have changed since
+    if calibrations and known_scheme:
         known = calibrations[-1].modulator
         if len(known) != n_regions:
             raise FormatError(f"the scores' events are of {len(known)} regions, expected {n_regions}")
@@ -201,7 +203,7 @@ def _measured(
     if logits is None:
         return np.ones(n_regions)
     counted = None
-    if scores.sums is not None and partition.name != scores.scheme:
+    if scores.sums is not None and not known_scheme:
         counted = scores.sums.visible(budget.visible_pixels)  # what never shows has learned nothing
     return modulators(region_means(sigmoid(logits.astype(np.float64)), regions, n_regions, counted))
 

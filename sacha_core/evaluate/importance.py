@@ -20,12 +20,13 @@ from sacha_core.flame.model import HeadModel
 from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.interchange.capture import Capture
 from sacha_core.progress import Report, silent
+from sacha_core.regions.partition import Partition
 from sacha_core.synthesis.cameras import N_CAMERAS
 from sacha_core.train.density_control import calibrate
 from sacha_core.train.devices import find_device, open_engine
 from sacha_core.train.importance import importance, look
 from sacha_core.train.options import TrainOptions
-from sacha_core.train.regions import head_regions
+from sacha_core.train.regions import Regions, head_regions
 from sacha_core.train.state import initial_state
 from sacha_core.train.views import Target, TrainingViews, decoded_ahead, grouped, spread_views
 
@@ -62,6 +63,7 @@ def score_avatar(
     capture: Capture | None = None,
     options: TrainOptions | None = None,
     report: Report = silent,
+    partition: Partition | None = None,
 ) -> Scored:
     """Score the Gaussians of an avatar as training does at its last pruning.
 
@@ -76,6 +78,7 @@ def score_avatar(
         capture: to look through its training cameras, at most about as many views as `options` says.
         options: which views, which score, which means of sensitivities, which size of images, which device.
         report: told about progress.
+        partition: the head's regions, where they are not to be made from masks.
 
     Raises:
         HeadError: the head lacks masks, or is not the capture's.
@@ -88,7 +91,7 @@ def score_avatar(
     options = replace(options or TrainOptions(), fine_tune=False)
     if not len(gaussians):
         raise OptionError("the avatar has no Gaussians; there is nothing to score")
-    regions = head_regions(head, options.scheme)
+    regions = head_regions(head, options.scheme) if partition is None else Regions.of_partition(partition)
     motion = _motion(head, motion, capture)
     targets, n_views = _targets(gaussians, head, motion, capture, options)
     order = np.argsort(gaussians.binding, kind="stable")  # training has them sorted by triangle
@@ -109,7 +112,8 @@ def score_avatar(
     back = np.argsort(order)
     scored = replace(gaussians, sensitivity_logit=state.values["sensitivity_logit"][back])
     sums = BlendingSums(seen.weights[back, 0], seen.weights[back, 1], n_views)
-    scores = Scores(scored, score[back], head.n_faces, options.scheme, (calibration,), sums)
+    scheme = options.scheme if partition is None else partition.name
+    scores = Scores(scored, score[back], head.n_faces, scheme, (calibration,), sums)
     return Scored(scores, calibration, sums.visible(options.importance.visible_pixels), n_views, learned)
 
 

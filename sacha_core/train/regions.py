@@ -11,6 +11,7 @@ from jaxtyping import Float, Int, UInt8
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.regions.labels import label_triangles
+from sacha_core.regions.partition import Partition
 from sacha_core.regions.scheme import find_scheme
 
 __all__ = ["Regions", "head_regions"]
@@ -29,6 +30,11 @@ class Regions:
     labels: UInt8[np.ndarray, " f"]
     n_regions: int
     names: tuple[str, ...] = ()
+
+    @classmethod
+    def of_partition(cls, partition: Partition) -> Regions:
+        """Give those of a head that is divided already."""
+        return cls(partition.labels, len(partition.regions), partition.regions)
 
     def of(self, binding: Int[np.ndarray, " n"]) -> UInt8[np.ndarray, " n"]:
         """Give each Gaussian's region."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from sacha_core.codec import decode, inspect
 from sacha_core.density.scores_file import read_scores
+from sacha_core.flame.head_file import save_head
 from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.interchange.gaussian_avatars import read_model
 from sacha_core.interchange.splat_ply import read_bound_ply, write_bound_ply
@@ -104,6 +106,24 @@ def test_painted_triangles_and_regions_of_ones_own_keep_more(done, avatar: Path,
         assert [row["region"] for row in rows] == ["even", "odd"]
         kept[name] = rows[1]["after"]
     assert kept["plain"] < kept["weight"] == kept["painted"]
+
+
+def test_a_head_without_masks_is_steered_by_regions_of_ones_own(done, refused, avatar: Path, tmp_path: Path) -> None:
+    head = tmp_path / "bare.npz"
+    save_head(replace(synthetic_head("small"), masks={}), head)
+    scheme, path = tmp_path / "two.scheme.npz", tmp_path / "a.ply"
+    shutil.copy(avatar, path)
+    front = (np.arange(len(LABELS)) < 200).astype(np.uint8)
+    write_scheme_file(scheme, Partition("two", ("rest", "front"), ((0, 0, 0), (255, 255, 255)), front))
+    given = ("prune", path, "--head", head, "--keep", 0.5, "-o", tmp_path / "b.ply")
+    assert "no vertex mask" in refused(*given, *FEW)
+    assert "no vertex mask" in refused("score", path, "--head", head, "--views", 16)
+    rows = done(*given, *FEW, "--scheme", scheme).report["regions"]
+    assert [row["region"] for row in rows] == ["rest", "front"]
+    assert read_scores(tmp_path / "a.scores.npz").scheme == "two"
+    assert "name the file of these with --scheme" in refused(*given)
+    scored = done("score", path, "--head", head, "--views", 16, "--scheme", scheme, "-o", tmp_path / "s.npz").report
+    assert [row["region"] for row in scored["regions"]] == ["rest", "front"]
 
 
 def test_an_earlier_result_is_set_beside_with_decibels_of_both(done, avatar: Path, tmp_path: Path) -> None:
