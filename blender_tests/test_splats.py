@@ -69,18 +69,28 @@ def splats(head: bpy.types.Object) -> bpy.types.Object:
     return next(other for other in bpy.data.objects if other.sacha_splats.head == head)
 
 
-@pytest.fixture
-def moved(head: bpy.types.Object) -> np.ndarray:
-    """The head's mesh bent and stretched, as a pose would: (v, 3) in Blender's axes."""
-    bent = positions(head.data)
-    bent += 0.01 * np.sin(30 * bent[:, ::-1])
-    return bent
+def posed(head: bpy.types.Object) -> np.ndarray:
+    """Give the vertices of a head as it stands, in its own space and Blender's axes."""
+    return positions(head.evaluated_get(bpy.context.evaluated_depsgraph_get()).data)
+
+
+def bend(head: bpy.types.Object) -> np.ndarray:
+    """Bend a head by a shape key, beside whatever else poses it, and give its vertices as they then stand."""
+    before, bent = posed(head), positions(head.data)
+    if head.data.shape_keys is None:
+        head.shape_key_add(name="Basis")
+    key = head.shape_key_add(name="bent", from_mix=False)
+    key.data.foreach_set("co", (bent + 0.01 * np.sin(30 * bent[:, ::-1])).ravel())
+    key.value = 1.0
+    after = posed(head)
+    assert np.abs(after - before).max() > 0.005
+    return after
 
 
 def test_points_have_the_attributes_of_blenders_own_splats(
     splats: bpy.types.Object, head: bpy.types.Object, material: Material, tmp_path: Path
 ) -> None:
-    expected = engines_own(material.folder / "avatar.sacha", positions(head.data), tmp_path / "own")
+    expected = engines_own(material.folder / "avatar.sacha", posed(head), tmp_path / "own")
     kinds = {name: (splats.data.attributes[name].data_type, splats.data.attributes[name].domain) for name in KINDS}
     assert kinds == {
         "scale": ("FLOAT_VECTOR", "POINT"),
@@ -95,33 +105,28 @@ def test_points_have_the_attributes_of_blenders_own_splats(
 
 
 def test_nodes_put_them_where_the_engine_has_them(
-    splats: bpy.types.Object, head: bpy.types.Object, moved: np.ndarray, material: Material, tmp_path: Path
+    splats: bpy.types.Object, head: bpy.types.Object, material: Material, tmp_path: Path
 ) -> None:
-    head.data.vertices.foreach_set("co", moved.ravel())
-    head.data.update()
+    moved = bend(head)
     made, rows = shown_points(splats)
     assert_alike(made, rows, engines_own(material.folder / "avatar.sacha", moved, tmp_path / "own"))
 
 
 def test_they_follow_shape_keys_and_the_heads_place(
-    splats: bpy.types.Object, head: bpy.types.Object, moved: np.ndarray, material: Material, tmp_path: Path
+    splats: bpy.types.Object, head: bpy.types.Object, material: Material, tmp_path: Path
 ) -> None:
-    if head.data.shape_keys is None:
-        head.shape_key_add(name="Basis")
-    key = head.shape_key_add(name="bent", from_mix=False)
-    key.data.foreach_set("co", moved.ravel())
-    key.value, head.location, head.rotation_euler = 1.0, (1, 2, 3), (0.3, 0.2, 0.1)
+    head.location, head.rotation_euler = (1, 2, 3), (0.3, 0.2, 0.1)
+    moved = bend(head)
     made, rows = shown_points(splats)
     assert_alike(made, rows, engines_own(material.folder / "avatar.sacha", moved, tmp_path / "own"))
     assert splats.evaluated_get(bpy.context.evaluated_depsgraph_get()).matrix_world == head.matrix_world
 
 
 def test_a_hidden_head_goes_on_carrying_them(
-    splats: bpy.types.Object, head: bpy.types.Object, moved: np.ndarray, material: Material, tmp_path: Path
+    splats: bpy.types.Object, head: bpy.types.Object, material: Material, tmp_path: Path
 ) -> None:
     head.hide_viewport = True
-    head.data.vertices.foreach_set("co", moved.ravel())
-    head.data.update()
+    moved = bend(head)
     made, rows = shown_points(splats)
     assert_alike(made, rows, engines_own(material.folder / "avatar.sacha", moved, tmp_path / "own"))
 
@@ -138,12 +143,11 @@ def test_where_the_mesh_was_edited_they_stay_and_an_update_refuses(
 
 
 def test_not_following_they_stay_until_they_are_brought_to_the_pose(
-    splats: bpy.types.Object, head: bpy.types.Object, moved: np.ndarray
+    splats: bpy.types.Object, head: bpy.types.Object
 ) -> None:
     splats.sacha_splats.follow = False
     before = read(splats.data, "position", 3)
-    head.data.vertices.foreach_set("co", moved.ravel())
-    head.data.update()
+    bend(head)
     made, rows = shown_points(splats)
     assert np.array_equal(read(made, "position", 3)[rows], before)
     bpy.ops.sacha.update_splats()
@@ -203,7 +207,7 @@ def test_showing_again_makes_no_second_object(splats: bpy.types.Object, head: bp
 
 
 def test_they_survive_saving_and_work_without_the_addon(
-    splats: bpy.types.Object, head: bpy.types.Object, moved: np.ndarray, addon: ModuleType, tmp_path: Path
+    splats: bpy.types.Object, head: bpy.types.Object, addon: ModuleType, tmp_path: Path
 ) -> None:
     names = splats.name, head.name
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"), check_existing=False)
@@ -212,8 +216,7 @@ def test_they_survive_saving_and_work_without_the_addon(
         bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
         again, carrier = (bpy.data.objects[name] for name in names)
         before = read(shown_points(again)[0], "position", 3)
-        carrier.data.vertices.foreach_set("co", moved.ravel())
-        carrier.data.update()
+        bend(carrier)
         assert np.abs(read(shown_points(again)[0], "position", 3) - before).max() > 1e-3
     finally:
         addon.register()
