@@ -12,7 +12,7 @@ import pytest
 from conftest import Material, corner_colours, face_attribute
 
 COLOURS = "sacha_colour"
-SORTED = ("place", "gaussians", "share", "n_bytes", "before", "change", "bytes_change")
+SORTED = ("place", "gaussians", "share", "n_bytes", "before", "change", "before_bytes", "bytes_change")
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +106,41 @@ def test_the_table_sorts_by_any_column_and_back(addon: ModuleType, seen: bpy.typ
         values = [getattr(shown.regions[place], column) for place in drawn]
         assert values == sorted(values, reverse=down)
         assert table.order_of(shown) == order
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [
+        (0, "0"),
+        (-999, "-999"),
+        (1000, "1.0k"),
+        (-17_865, "-17.9k"),
+        (99_949, "99.9k"),
+        (250_000, "250k"),
+        (1_234_567, "1.2M"),
+    ],
+)
+def test_numbers_of_the_table_are_short(addon: ModuleType, number: int, text: str) -> None:
+    assert part(addon, "table").compact(number) == text
+
+
+def test_the_table_has_the_columns_of_which_it_has_numbers(
+    addon: ModuleType, seen: bpy.types.Object, opened_blend: Path
+) -> None:
+    table, shown = part(addon, "table"), seen.data.sacha
+    assert table.tables_of(shown) == ["NOW", "COUNT", "BYTES"]
+    assert table.columns_of(shown) == ["gaussians", "share", "n_bytes"]
+    shown.table = "BYTES"
+    assert table.columns_of(shown) == ["before_bytes", "n_bytes", "bytes_change"]
+    bpy.ops.wm.open_mainfile(filepath=str(opened_blend))
+    assert table.tables_of(bpy.context.object.data.sacha) == ["NOW"]
+
+
+def test_a_swatch_keeps_its_colour(seen: bpy.types.Object) -> None:
+    line = seen.data.sacha.views["count"].legend[0]
+    before = tuple(line.colour)
+    line.colour = (0.1, 0.9, 0.1)
+    assert tuple(line.colour) == before == tuple(line.kept)
 
 
 def test_the_table_keeps_to_names_that_are_typed(seen: bpy.types.Object) -> None:

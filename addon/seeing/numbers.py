@@ -99,10 +99,10 @@ def _add_view(kept: bpy.types.PropertyGroup, view: View, palette: np.ndarray) ->
     kept.about, kept.palette = view.about, view.palette
     for told in view.legend:
         line = kept.legend.add()
-        line.name, line.colour = told["label"], palette[told["level"], :3]
+        line.name, line.kept = told["label"], palette[told["level"], :3]
     for told in view.by_region:
         number = kept.by_region.add()
-        number.name, number.level, number.colour = told["text"], told["level"], palette[told["level"], :3]
+        number.name, number.level, number.kept = told["text"], told["level"], palette[told["level"], :3]
         number.known = told["value"] is not None
         number.value = told["value"] if number.known else 0.0
 
@@ -119,6 +119,6 @@ def _fill_table(shown: bpy.types.PropertyGroup, told: Part | None, colours: np.n
         shown.sort_by, shown.sort_down = "place", False
     for place, name in enumerate([] if told is None else told.values["names"]):
         row = shown.regions.add()
-        row.name, row.place, row.colour = name, place, colours[place, :3]
+        row.name, row.place, row.kept = name, place, colours[place, :3]
         for column, numbers in arrays.items():
             setattr(row, column, numbers[place].item())

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..telling.lines import draw_sentence
 from .shown import edited, shown_by
 from .table import draw_table
 
@@ -33,16 +34,15 @@ class SachaShownPanel(bpy.types.Panel):
         """Draw it."""
         layout, shown = self.layout, shown_by(context)
         for fact in shown.facts:
-            layout.label(text=fact.name)
+            draw_sentence(layout, context, fact.name)
         if complaint := edited(context.object.data):
-            for line in complaint.split(": "):
-                layout.label(text=line, icon="ERROR")
+            draw_sentence(layout, context, complaint, "ERROR")
         if not shown.views:
-            layout.label(text="Its regions are not known: name its head model and open it again", icon="INFO")
+            draw_sentence(layout, context, "Its regions are not known: name its head model and open it again", "INFO")
         else:
             _draw_view(layout, shown)
         for line in shown.absent:
-            layout.label(text=line.name, icon="INFO")
+            draw_sentence(layout, context, line.name, "INFO")
         if shown.kind == "avatar":
             row = layout.row(align=True)
             row.operator("sacha.compare", icon="UV_SYNC_SELECT")
@@ -93,9 +93,7 @@ def _draw_view(layout: bpy.types.UILayout, shown: bpy.types.PropertyGroup) -> No
 def _legend_row(column: bpy.types.UILayout, line: bpy.types.PropertyGroup, label: str, number: str = "") -> None:
     """Draw one line of a legend: its colour, its name, its number."""
     split = column.split(factor=SWATCH)
-    swatch = split.row()
-    swatch.enabled = False
-    swatch.prop(line, "colour", text="")
+    split.prop(line, "colour", text="")
     rest = split.row()
     rest.label(text=label)
     if number:

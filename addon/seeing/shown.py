@@ -17,7 +17,7 @@ from bpy.props import (
 
 from . import painting, selecting
 
-__all__ = ["CLASSES", "SORTS", "attach", "detach", "edited", "shown_by"]
+__all__ = ["CLASSES", "SORTS", "TABLES", "attach", "detach", "edited", "shown_by"]
 
 NOTHING = ("NONE", "Nothing", "Nothing is known of its triangles", 0)
 SORTS = (  # property of a row, heading, what it is
@@ -27,7 +27,13 @@ SORTS = (  # property of a row, heading, what it is
     ("n_bytes", "Bytes", "Bytes of the file that describe the region's Gaussians"),
     ("before", "Before", "Gaussians that the region had before"),
     ("change", "Change", "Gaussians more than before"),
-    ("bytes_change", "Bytes Change", "Bytes more than before"),
+    ("before_bytes", "Before", "Bytes that the region's Gaussians took before"),
+    ("bytes_change", "Change", "Bytes more than before"),
+)
+TABLES = (  # name, label, what it says, its columns: three, which is what a sidebar has room for
+    ("NOW", "Now", "Gaussians of each region, their share of all, their bytes", ("gaussians", "share", "n_bytes")),
+    ("COUNT", "Count", "Gaussians before and now", ("before", "gaussians", "change")),
+    ("BYTES", "Bytes", "Bytes before and now", ("before_bytes", "n_bytes", "bytes_change")),
 )
 _items: dict[
     tuple[tuple[str, str, str], ...], list[tuple[str, str, str, int]]
@@ -53,6 +59,25 @@ def _region_chosen(shown: SachaShown, context: bpy.types.Context) -> None:  # no
         selecting.select_faces(shown.id_data, {shown.regions[shown.active_region].place}, extend=False)
 
 
+def _kept(line: bpy.types.PropertyGroup) -> tuple[float, float, float]:
+    """Give the colour of a line."""
+    return tuple(line.kept)
+
+
+def _keep_as_it_is(line: bpy.types.PropertyGroup, colour: tuple[float, float, float]) -> None:
+    """Let a click on a swatch change nothing: a property that nothing could be put into would be drawn dimmed."""
+
+
+def _swatch() -> FloatVectorProperty:
+    """Make the property that panels draw the kept colour of a line by."""
+    return FloatVectorProperty(name="Colour", subtype="COLOR", size=3, min=0.0, max=1.0, get=_kept, set=_keep_as_it_is)
+
+
+def _colour() -> FloatVectorProperty:
+    """Make the property that keeps the colour of a line."""
+    return FloatVectorProperty(subtype="COLOR", size=3, min=0.0, max=1.0)
+
+
 class SachaFact(bpy.types.PropertyGroup):
     """One thing worth knowing of what is shown; `name` says it."""
 
@@ -60,7 +85,8 @@ class SachaFact(bpy.types.PropertyGroup):
 class SachaLegendLine(bpy.types.PropertyGroup):
     """One line of a legend; `name` is its label."""
 
-    colour: FloatVectorProperty(subtype="COLOR", size=3, min=0.0, max=1.0)
+    kept: _colour()
+    colour: _swatch()
 
 
 class SachaRegionNumber(bpy.types.PropertyGroup):
@@ -69,7 +95,8 @@ class SachaRegionNumber(bpy.types.PropertyGroup):
     value: FloatProperty()
     known: BoolProperty()
     level: IntProperty(min=0)
-    colour: FloatVectorProperty(subtype="COLOR", size=3, min=0.0, max=1.0)
+    kept: _colour()
+    colour: _swatch()
 
 
 class SachaView(bpy.types.PropertyGroup):
@@ -87,7 +114,8 @@ class SachaRegion(bpy.types.PropertyGroup):
     """One row of the table of regions; `name` is the region's."""
 
     place: IntProperty(min=0, description="Number of the region in the attribute `region`")
-    colour: FloatVectorProperty(subtype="COLOR", size=3, min=0.0, max=1.0)
+    kept: _colour()
+    colour: _swatch()
     triangles: IntProperty(min=0)
     area_cm2: FloatProperty(min=0.0)
     gaussians: IntProperty(min=0)
@@ -133,6 +161,9 @@ class SachaShown(bpy.types.PropertyGroup):
     )
     before_name: StringProperty(name="Before", description="What `before` is; empty where nothing is known of it")
     columns: StringProperty(description="Columns of the table that there are numbers for, with spaces between them")
+    table: EnumProperty(
+        name="Table", description="Which numbers the table of regions has", items=[entry[:3] for entry in TABLES]
+    )
     sort_by: EnumProperty(
         name="Sort By", description="What rows are sorted by", items=[(name, *rest) for name, *rest in SORTS]
     )

@@ -6,18 +6,21 @@ from __future__ import annotations
 import bpy
 from bpy.props import EnumProperty
 
-from .shown import SORTS, shown_by
+from .shown import SORTS, TABLES, shown_by
 
 __all__ = ["CLASSES", "draw_table", "order_of"]
 
-SWATCH, NAME = 0.07, 0.26  # parts of a row's width
-FITTING = (
-    "gaussians",
-    "share",
-    "n_bytes",
-    "change",
-)  # columns of the list; the others are told below, of the chosen row
+SWATCH, NAME = 0.09, 0.38  # parts of a row's width
 ROWS = 8
+THOUSANDS = ((1e6, "M"), (1e3, "k"))
+
+
+def compact(number: int) -> str:
+    """Write a number in at most five characters and a sign."""
+    for size, letter in THOUSANDS:
+        if abs(number) >= size:
+            return f"{number / size:.{1 if abs(number) < 100 * size else 0}f}{letter}"
+    return str(number)
 
 
 def cell(row: bpy.types.PropertyGroup, column: str) -> str:
@@ -25,7 +28,8 @@ def cell(row: bpy.types.PropertyGroup, column: str) -> str:
     value = getattr(row, column)
     if column == "share":
         return f"{value:.1%}"
-    return f"{value:+,}" if column in {"change", "bytes_change"} else f"{value:,}"
+    plus = "+" if column in {"change", "bytes_change"} and value > 0 else ""
+    return plus + compact(value)
 
 
 def order_of(shown: bpy.types.PropertyGroup) -> list[int]:
@@ -39,9 +43,17 @@ def order_of(shown: bpy.types.PropertyGroup) -> list[int]:
     return order
 
 
+def tables_of(shown: bpy.types.PropertyGroup) -> list[str]:
+    """Give the tables that all numbers are there for; the first is there always, with what it has."""
+    known = shown.columns.split()
+    return [name for name, _, _, columns in TABLES if name == "NOW" or all(column in known for column in columns)]
+
+
 def columns_of(shown: bpy.types.PropertyGroup) -> list[str]:
-    """Give the columns that the list shows: those that fit, of those that there are numbers for."""
-    return [column for column in FITTING if column in shown.columns.split()]
+    """Give the columns of the chosen table that there are numbers for."""
+    chosen = shown.table if shown.table in tables_of(shown) else "NOW"
+    known = shown.columns.split()
+    return [column for name, _, _, columns in TABLES if name == chosen for column in columns if column in known]
 
 
 class SACHA_UL_regions(bpy.types.UIList):  # noqa: N801  (Blender wants it so)
@@ -61,9 +73,7 @@ class SACHA_UL_regions(bpy.types.UIList):  # noqa: N801  (Blender wants it so)
     ) -> None:
         """Draw one row."""
         split = layout.split(factor=SWATCH)
-        swatch = split.row()
-        swatch.enabled = False
-        swatch.prop(item, "colour", text="")
+        split.prop(item, "colour", text="")
         rest = split.split(factor=NAME)
         rest.label(text=item.name)
         numbers = rest.row()
@@ -114,6 +124,10 @@ class SachaSortRegions(bpy.types.Operator):
 def draw_table(layout: bpy.types.UILayout, shown: bpy.types.PropertyGroup) -> None:
     """Draw headings that sort, the list, and all numbers of the chosen row."""
     titles = {name: title for name, title, _ in SORTS}
+    if len(tables_of(shown)) > 1:
+        choice = layout.row(align=True)
+        for table in tables_of(shown):
+            choice.prop_enum(shown, "table", table)
     heading = layout.split(factor=SWATCH + (1 - SWATCH) * NAME, align=True)
     _sort_button(heading, shown, "place", titles["place"])
     columns = heading.row(align=True)
@@ -142,9 +156,10 @@ def _draw_row(layout: bpy.types.UILayout, shown: bpy.types.PropertyGroup, row: b
     if "n_bytes" in known and row.gaussians:
         column.label(text=f"{row.n_bytes:,} bytes, {row.bytes_each:.2f} for each Gaussian")
     if "before" in known:
-        column.label(text=f"{shown.before_name}: {row.before:,} ({row.before_share:.1%}), now {cell(row, 'change')}")
+        column.label(text=f"{row.gaussians:,} ({row.share:.1%}), {row.change:+,}")
+        column.label(text=f"{shown.before_name}: {row.before:,} ({row.before_share:.1%})")
     if "bytes_change" in known:
-        column.label(text=f"{shown.before_name}: {row.before_bytes:,} bytes, now {cell(row, 'bytes_change')}")
+        column.label(text=f"{shown.before_name}: {row.before_bytes:,} bytes, now {row.bytes_change:+,}")
 
 
 CLASSES = (SACHA_UL_regions, SachaSortRegions)

@@ -44,12 +44,9 @@ class Measure:
 def view_of(measure: Measure) -> View:
     """Give a measure its colours and legends; whole regions have a scale of their own, since totals are far above what triangles have."""
     scale = scale_of(measure.values, measure.kind)
-    ticks = np.array(scale.ticks)
-    rows = scale.levels(ticks).tolist()
-    legend = [
-        {"label": _signed(measure, tick, scale.whole), "level": row}
-        for tick, row in zip(scale.ticks, rows, strict=True)
-    ]
+    labels = scale.labels(signed=measure.kind == "change")
+    rows = scale.levels(np.array(scale.ticks)).tolist()
+    legend = [{"label": label, "level": row} for label, row in zip(labels, rows, strict=True)]
     return View(
         measure.label,
         measure.unit,

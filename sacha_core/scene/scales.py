@@ -20,7 +20,9 @@ Kind = Literal["amount", "level", "factor", "change"]
 """amount: from 0, heavy-tailed, on a logarithmic ramp; level: evenly from the least to the largest; factor: around 1, as far up as down;
 change: around 0, finely near it and coarsely far away."""
 
-RANGE = 1000.0  # an amount below the largest over this gets the lightest colour: three decades are what a ramp can show
+RANGE = 1e4  # an amount below the largest over this gets the lightest colour: four decades are what a ramp can show
+MANY_NUMBERS = 200  # of as many, a few lie far from all others, and would take the ramp for themselves
+OUTSIDE = 1.0  # percent of these at either end, which get the colour of the end
 NEAR = 100.0  # changes below the largest over this are shown evenly
 ROUND = (1.0, 2.0, 5.0)
 MANY = 9  # lines that a legend may have before it keeps to powers of ten
@@ -37,12 +39,30 @@ class Scale:
         place: gives the place of finite numbers along the ramp, 0 to 1; NaN for what has the colour of none.
         ticks: numbers of the legend, from top to bottom.
         whole: whether the numbers are whole ones.
+        lowest: of all numbers; below the first tick where the ramp begins later.
+        highest: of all numbers; above the last tick where the ramp ends sooner.
     """
 
     palette: str
     place: Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, " n"]]
     ticks: list[float]
     whole: bool
+    lowest: float = -np.inf
+    highest: float = np.inf
+
+    def labels(self, *, signed: bool = False) -> list[str]:
+        """Give the ticks as people read them; those at the ends say how far numbers go beyond."""
+
+        def text(value: float) -> str:
+            return f"+{number_text(value, self.whole)}" if signed and value > 0 else number_text(value, self.whole)
+
+        found = [text(tick) for tick in self.ticks]
+        first = next((place for place, tick in enumerate(self.ticks) if tick != 0), 0)
+        if np.isfinite(self.lowest) and self.lowest < self.ticks[first]:
+            found[first] = f"{found[first]} and less, to {text(self.lowest)}"
+        if np.isfinite(self.highest) and self.highest > self.ticks[-1]:
+            found[-1] = f"{found[-1]} and more, to {text(self.highest)}"
+        return found
 
     def levels(self, values: Real[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
         """Give the row of each number."""
@@ -76,20 +96,29 @@ def number_text(value: float, whole: bool) -> str:
 
 
 def _amount(known: Float[np.ndarray, " n"], whole: bool) -> Scale:
-    high = max(float(known.max(initial=0.0)), 1.0 if whole else 0.0)
     positive = known[known > 0]
-    low = 1.0 if whole else max(float(positive.min(initial=high)), high / RANGE)
-    span = np.log(high / low) if low > 0 else 0.0
+    low, high = _ends(positive, whole)
+    span = np.log(high / low)
 
     def place(values: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
-        least = low if low > 0 else 1.0
-        along = np.log(np.maximum(values, least) / least) / (span or 1.0)
+        along = np.log(np.maximum(values, low) / low) / (span or 1.0)
         return np.asarray(np.where(values > 0, along, np.nan))
 
-    largest = float(known.max(initial=0.0))
-    between = [tick for tick in _round_numbers(low, largest) if tick < largest]
-    zero = [0.0] if len(positive) < len(known) or not len(known) else []
-    return Scale(MAGNITUDE, place, sorted({*zero, *between, largest}), whole)
+    if not len(positive):
+        return Scale(MAGNITUDE, place, [0.0], whole)
+    between = [tick for tick in _round_numbers(low, high) if low < tick < high]
+    zero = [0.0] if len(positive) < len(known) else []
+    ticks = sorted({*zero, low, *between, high})
+    return Scale(MAGNITUDE, place, ticks, whole, float(positive.min()), float(positive.max()))
+
+
+def _ends(positive: Float[np.ndarray, " n"], whole: bool) -> tuple[float, float]:
+    """Give where a ramp begins and ends: of whole numbers and of few ones at the least and the largest, of others without the outermost."""
+    if not len(positive):
+        return 1.0, 1.0
+    outside = 0.0 if whole or len(positive) < MANY_NUMBERS else OUTSIDE
+    low, high = np.percentile(positive, [outside, 100 - outside]).tolist()
+    return (low if whole else max(low, high / RANGE)), high
 
 
 def _level(known: Float[np.ndarray, " n"], whole: bool) -> Scale:
@@ -117,15 +146,18 @@ def _factor(known: Float[np.ndarray, " n"]) -> Scale:
 
 
 def _change(known: Float[np.ndarray, " n"], whole: bool) -> Scale:
-    most = max(float(np.abs(known).max(initial=0.0)), 1.0 if whole else float(np.finfo(np.float64).tiny))
+    size = np.abs(known[known != 0])
+    most = _ends(size, whole)[1]
     near = 1.0 if whole else most / NEAR
 
     def place(values: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
         return np.asarray(0.5 + 0.5 * np.sign(values) * np.log1p(np.abs(values) / near) / np.log1p(most / near))
 
+    if not len(size):
+        return Scale(DIVERGING, place, [0.0], whole)
     tens = [tick for tick in _powers_of_ten(near, most) if tick < most]
-    ticks = [-most, *(-tick for tick in reversed(tens)), 0.0, *tens, most] if len(known) and known.any() else [0.0]
-    return Scale(DIVERGING, place, ticks, whole)
+    ticks = [-most, *(-tick for tick in reversed(tens)), 0.0, *tens, most]
+    return Scale(DIVERGING, place, ticks, whole, min(float(known.min()), -most), max(float(known.max()), most))
 
 
 def _powers_of_ten(low: float, high: float) -> list[float]:

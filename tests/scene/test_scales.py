@@ -97,3 +97,24 @@ def test_all_numbers_alike_still_have_a_colour_and_a_legend() -> None:
 )  # fmt: skip
 def test_numbers_are_written_for_people(value: float, whole: bool, text: str) -> None:
     assert number_text(value, whole) == text
+
+
+def test_a_few_far_numbers_do_not_take_the_ramp_for_themselves() -> None:
+    values = np.concatenate([np.linspace(1, 10, 998), [1e-5, 1e5]])
+    for kind, many in (("amount", values), ("change", np.concatenate([values, -values]))):
+        scale = scale_of(many, kind)  # type: ignore[arg-type]
+        assert 9 < scale.ticks[-1] < 10.1
+        levels = scale.levels(np.array([9.0, 1e5]))
+        assert STEPS - 10 < levels[0] < levels[1] == STEPS
+        assert scale.labels()[-1].endswith("and more, to 100,000")
+    assert scale_of(values, "amount").labels()[0].endswith("and less, to 1.00e-05")
+    few = scale_of(np.array([1.0, 5.0, 1e5]), "amount")
+    assert few.ticks[-1] == 1e5
+    assert few.labels()[-1] == "100,000"
+
+
+def test_regions_of_like_size_are_told_apart() -> None:
+    counts = np.array([1110, 5452, 1513, 4446, 418, 1440, 809, 2677])
+    levels = scale_of(counts, "amount").levels(counts)
+    assert (levels.min(), levels.max()) == (1, STEPS)
+    assert np.array_equal(np.argsort(levels, kind="stable"), np.argsort(counts, kind="stable"))
