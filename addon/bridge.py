@@ -20,6 +20,7 @@ __all__ = [
     "to_engine",
 ]
 
+EDGE_SELECTION = ".select_edge"
 LONGEST_NAME = 63  # bytes; an attribute with a longer name is silently not made
 
 
@@ -57,6 +58,7 @@ def new_mesh(name: str, vertices: np.ndarray, faces: np.ndarray) -> bpy.types.Me
     if counts_corners():
         mesh.polygons.foreach_set("loop_total", np.full(len(faces), 3, np.int32))
     mesh.update(calc_edges=True)
+    _mend_edge_selection(mesh)
     mesh.validate()
     kept = len(mesh.polygons)
     if kept != len(faces):
@@ -91,6 +93,7 @@ def corner_colours(mesh: bpy.types.Mesh, name: str, colours: np.ndarray) -> None
 
 def select_faces(mesh: bpy.types.Mesh, chosen: np.ndarray, *, extend: bool) -> None:
     """Select faces with their edges and vertices, alone or besides those that are selected; (f,) chosen."""
+    _mend_edge_selection(mesh)
     corners = np.empty(len(mesh.polygons), np.int32)
     mesh.polygons.foreach_get("loop_total", corners)
     of_corner = np.repeat(chosen, corners)
@@ -120,6 +123,13 @@ def show_colours(mesh: bpy.types.Mesh, name: str) -> None:
     colours = mesh.color_attributes
     colours.active_color = colours[name]
     colours.render_color_index = colours.find(name)
+
+
+def _mend_edge_selection(mesh: bpy.types.Mesh) -> None:
+    """Remove a selection of edges that is none: Blender 5.0 makes one of pairs of integers beside new edges, and crashes when it is set."""
+    selection = mesh.attributes.get(EDGE_SELECTION)
+    if selection is not None and selection.data_type != "BOOLEAN":
+        mesh.attributes.remove(selection)
 
 
 def _attribute(mesh: bpy.types.Mesh, name: str, kind: str, domain: str, length: int) -> bpy.types.Attribute:

@@ -20,7 +20,7 @@ Kind = Literal["amount", "level", "factor", "change"]
 """amount: from 0, heavy-tailed, on a logarithmic ramp; level: evenly from the least to the largest; factor: around 1, as far up as down;
 change: around 0, finely near it and coarsely far away."""
 
-RANGE = 1e4  # an amount below the largest over this gets the lightest colour: four decades are what a ramp can show
+RANGE = 100.0  # an amount below the end of the ramp over this gets the lightest colour: two decades are what eyes tell apart on a ramp
 MANY_NUMBERS = 200  # of as many, a few lie far from all others, and would take the ramp for themselves
 OUTSIDE = 1.0  # percent of these at either end, which get the colour of the end
 NEAR = 100.0  # changes below the largest over this are shown evenly
