@@ -14,6 +14,7 @@ from conftest import ENGINE, Material, positions
 COMMAND_LIMIT_S = 60
 PLACE_ERROR_M = 2e-6  # float32 sums of metres, in another order
 TURN_ERROR = 2e-4  # of unit quaternions: small triangles have few digits left in their edges
+FADE_ERROR = 0.03  # a ball of 80 facets, which ends at three deviations, where 0.009 are left
 KINDS = {"scale": "vector", "rotation": "value", "color": "color", "position": "vector"}
 
 
@@ -254,3 +255,42 @@ def test_where_blender_draws_splats_itself_they_are_its_own(addon: ModuleType, m
     )
     assert data._native_cloud("some", 3, 2) is made
     assert (made.length, made.render_as, made.spherical_harmonics_degree) == (3, "SPLATS", 2)
+
+
+def test_a_soft_splat_hides_what_its_gaussian_hides(
+    splats: bpy.types.Object, head: bpy.types.Object, addon: ModuleType, tmp_path: Path
+) -> None:
+    """One splat, drawn by Cycles from the front, without perspective: its alpha is the Gaussian of the picture's coordinates."""
+    data = __import__(f"{addon.__name__}.looking.splat_data", fromlist=["make_data"])
+    one = {name: np.zeros((1, 3)) for name in ("position", "position_local")} | {"binding": np.zeros(1)}
+    one |= {name: np.array([[1.0, 0, 0, 0]]) for name in ("rotation", "rotation_local")} | {"sh": np.zeros((1, 0, 3))}
+    one |= {
+        "scale": np.array([[0.1, 0.05, 0.06]]),
+        "scale_local": np.ones((1, 3)),
+        "color": np.array([[1, 0.25, 0, 0.8]]),
+    }
+    splats.data, _ = data.make_data("one", one, {"sh_degree": 0})
+    settings = splats.sacha_splats
+    settings.follow, settings.soft, settings.least_opacity, splats.parent, head.hide_render = (
+        False,
+        True,
+        0.0,
+        None,
+        True,
+    )
+    scene, lens = bpy.context.scene, bpy.data.cameras.new("front")
+    lens.type, lens.ortho_scale = "ORTHO", 0.8
+    scene.camera = bpy.data.objects.new("front", lens)
+    scene.collection.objects.link(scene.camera)
+    scene.camera.location, scene.camera.rotation_euler = (0, -2, 0), (np.pi / 2, 0, 0)
+    scene.render.engine, scene.cycles.samples, scene.cycles.pixel_filter_type = "CYCLES", 16, "BOX"
+    scene.cycles.use_denoising, scene.render.film_transparent = False, True
+    scene.render.resolution_x = scene.render.resolution_y = 64
+    scene.render.image_settings.file_format, scene.render.filepath = "OPEN_EXR", str(tmp_path / "one.exr")
+    bpy.ops.render.render(write_still=True)
+    values = np.empty(64 * 64 * 4, np.float32)
+    bpy.data.images.load(str(tmp_path / "one.exr")).pixels.foreach_get(values)
+    alpha = values.reshape(64, 64, 4)[..., 3]
+    x, z = np.meshgrid(*2 * [(np.arange(64) + 0.5) / 64 * 0.8 - 0.4])
+    expected = 0.8 * np.exp(-0.5 * ((x / 0.1) ** 2 + (z / 0.06) ** 2))
+    assert np.abs(alpha - expected).max() <= FADE_ERROR

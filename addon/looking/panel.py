@@ -81,6 +81,8 @@ class SachaPreviewPanel(bpy.types.Panel):
             layout.prop(chosen, name)
         if chosen.error != "NONE":
             layout.prop(chosen, "brightest")
+            if chosen.level == "FILE" and not chosen.against:
+                layout.label(text="For an error choose a level, or an avatar to compare with", icon="INFO")
         if context.scene.camera is None:
             layout.label(text="The scene has no camera: add one", icon="INFO")
         layout.operator("sacha.render_preview", icon="RENDER_STILL")

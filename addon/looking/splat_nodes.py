@@ -23,6 +23,7 @@ VERSION, VERSION_KEY = (
     "sacha_version",
 )  # of the trees below: .blend files keep older ones, and so do objects that use them
 SOFT_RADIUS = splat_materials.RADIUS
+MANY = 30_000  # solid splats: beyond, half the corners each, so that playing stays fluid
 
 Socket = bpy.types.NodeSocket
 SETTINGS = (
@@ -138,19 +139,21 @@ def _shown(tree: bpy.types.NodeTree, given: dict[str, Socket], posed: Socket) ->
     colour = _add(tree, "FunctionNodeSeparateColor", {"Color": _attribute(tree, "color", "FLOAT_COLOR")}, None)
     inputs = {"A": colour["Alpha"], "B": given["Least Opacity"]}
     clear = _add(tree, "FunctionNodeCompare", inputs, "Result", data_type="FLOAT", operation="GREATER_EQUAL")
-    kinds = []
-    for radius, rounds, material in (
-        (given["Size"], 1, splat_materials.solid()),
-        (SOFT_RADIUS, 2, splat_materials.soft()),
-    ):
-        ball = _add(tree, "GeometryNodeMeshIcoSphere", {"Radius": 1.0, "Subdivisions": rounds}, "Mesh")
-        ball = _add(tree, "GeometryNodeSetMaterial", {"Geometry": ball, "Material": material}, "Geometry")
-        sizes = _vector(tree, "SCALE", _attribute(tree, "scale", "FLOAT_VECTOR"), Scale=radius)
-        inputs = {"Points": posed, "Selection": clear, "Instance": ball, "Scale": sizes}
-        inputs["Rotation"] = _attribute(tree, "rotation", "QUATERNION")
-        kinds.append(_add(tree, "GeometryNodeInstanceOnPoints", inputs, "Instances"))
+    many = _add(tree, "GeometryNodeAttributeDomainSize", {"Geometry": posed}, "Point Count", component="MESH")
+    many = _add(
+        tree, "FunctionNodeCompare", {"A": many, "B": MANY}, "Result", data_type="INT", operation="GREATER_THAN"
+    )
+    fine, finest = (
+        _add(tree, "GeometryNodeMeshIcoSphere", {"Radius": 1.0, "Subdivisions": rounds}, "Mesh") for rounds in (1, 2)
+    )
+    coarse = _add(tree, "GeometryNodeMeshUVSphere", {"Segments": 4, "Rings": 2, "Radius": 1.0}, "Mesh")
+    ball = _add(
+        tree, "GeometryNodeSwitch", {"Switch": many, "False": fine, "True": coarse}, "Output", input_type="GEOMETRY"
+    )
+    solid = _ellipsoids(tree, posed, clear, _made_of(tree, ball, splat_materials.solid()), given["Size"])
+    soft = _ellipsoids(tree, posed, clear, _made_of(tree, finest, splat_materials.soft()), SOFT_RADIUS)
     opaque = {name: colour[name] for name in ("Red", "Green", "Blue")} | {"Alpha": 1.0}
-    inputs = {"Geometry": kinds[0], "Name": "color", "Value": _add(tree, "FunctionNodeCombineColor", opaque, "Color")}
+    inputs = {"Geometry": solid, "Name": "color", "Value": _add(tree, "FunctionNodeCombineColor", opaque, "Color")}
     solid = _add(
         tree, "GeometryNodeStoreNamedAttribute", inputs, "Geometry", data_type="FLOAT_COLOR", domain="INSTANCE"
     )
@@ -158,8 +161,22 @@ def _shown(tree: bpy.types.NodeTree, given: dict[str, Socket], posed: Socket) ->
     join = tree.nodes.new("GeometryNodeJoinGeometry")  # with the points, whose mesh knows which colours are to be shown
     for part in (solid, posed):
         tree.links.new(part, join.inputs[0])
-    inputs = {"Switch": given["Soft"], "False": join.outputs[0], "True": kinds[1]}
+    inputs = {"Switch": given["Soft"], "False": join.outputs[0], "True": soft}
     return _add(tree, "GeometryNodeSwitch", inputs, "Output", input_type="GEOMETRY")
+
+
+def _made_of(tree: bpy.types.NodeTree, ball: Socket, material: bpy.types.Material) -> Socket:
+    return _add(tree, "GeometryNodeSetMaterial", {"Geometry": ball, "Material": material}, "Geometry")
+
+
+def _ellipsoids(
+    tree: bpy.types.NodeTree, points: Socket, chosen: Socket, ball: Socket, radius: Socket | float
+) -> Socket:
+    """Put a ball on each chosen splat, of a radius in standard deviations."""
+    sizes = _vector(tree, "SCALE", _attribute(tree, "scale", "FLOAT_VECTOR"), Scale=radius)
+    inputs = {"Points": points, "Selection": chosen, "Instance": ball, "Scale": sizes}
+    inputs["Rotation"] = _attribute(tree, "rotation", "QUATERNION")
+    return _add(tree, "GeometryNodeInstanceOnPoints", inputs, "Instances")
 
 
 def _attribute(tree: bpy.types.NodeTree, name: str, kind: str) -> Socket:
