@@ -126,6 +126,22 @@ def test_an_avatar_can_be_compressed_and_a_head_cannot(
     ]  # one view only
 
 
+def test_the_controls_are_drawn_for_a_head_and_for_its_joints(addon: ModuleType, opened: bpy.types.Object) -> None:
+    panel = bpy.types.SACHA_PT_controls
+    commands = ["sacha.pose_joints", "sacha.rest", "sacha.load_motion"]
+    for active in (opened, opened.parent):
+        bpy.context.view_layer.objects.active = active
+        assert panel.poll(bpy.context)
+        drawn = drawn_by(panel)
+        assert operators(drawn) == commands
+        assert [given["dataptr"] for name, given in drawn if name == "template_list"] == [opened.data.shape_keys]
+    other = bpy.data.objects.new("nobody's", bpy.data.armatures.new("nobody's"))
+    bpy.context.collection.objects.link(other)
+    bpy.context.view_layer.objects.active = other
+    assert not panel.poll(bpy.context)
+    assert not bpy.ops.sacha.rest.poll()
+
+
 def test_the_preferences_draw_what_the_check_found(addon: ModuleType, preferences) -> None:
     module = __import__(f"{addon.__name__}.preferences", fromlist=["SachaPreferences"])
     preferences.found = "Python 3.11"

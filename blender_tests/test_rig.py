@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
+import addon_utils
 import bpy
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from conftest import ENGINE, EXTENSION, MATERIAL_TIME_LIMIT_S, Material, in_blen
 from mathutils import Vector
 
 POSE_ERROR_M = 2e-6  # promised are 1e-5; float32 at the size of a head and joints in whole nanometres leave 3e-7
+TEXT_ERROR_M = 1e-6  # an OBJ holds micrometres
 STILL_ERROR_M = 1e-6  # one float32 sum for another
 PARAMETER_ERROR = 2e-6  # radians, metres and coefficients through float32 matrices and quaternions
 PIXEL_ERROR = 2e-3  # float32 matrices: 1e-6 of the 130 pixels of focal length, and of a metre of distance
@@ -322,6 +324,26 @@ def test_a_gltf_that_split_every_vertex_is_joined_to_the_heads(addon: ModuleType
     assert error_m(shown, rigs.truth["template"]) <= STILL_ERROR_M
     dial(shown, rigs.truth, 5)
     assert error_m(shown, rigs.truth["dialled"][5]) <= POSE_ERROR_M
+
+
+@pytest.mark.parametrize("kind", ["glb", "obj", "ply"])
+def test_what_blender_exports_opens_with_controls(
+    addon: ModuleType, hard: bpy.types.Object, rigs: Rigs, tmp_path: Path, kind: str
+) -> None:
+    path = str(tmp_path / f"exported.{kind}")
+    if kind == "glb":
+        addon_utils.enable("io_scene_gltf2")
+        bpy.ops.export_scene.gltf(filepath=path, use_selection=True)
+    elif kind == "obj":
+        bpy.ops.wm.obj_export(filepath=path, export_selected_objects=True)
+    else:
+        bpy.ops.wm.ply_export(filepath=path, export_selected_objects=True, forward_axis="NEGATIVE_Z", up_axis="Y")
+    bpy.ops.sacha.open(filepath=path, head=str(rigs.folder / "hard.npz"))
+    shown = bpy.context.object
+    assert shown != hard
+    assert len(shown.data.vertices) == len(rigs.truth["template"])  # exporters split vertices at texture seams
+    dial(shown, rigs.truth, 0)
+    assert error_m(shown, rigs.truth["dialled"][0]) <= TEXT_ERROR_M + POSE_ERROR_M
 
 
 def test_a_rig_of_named_shapes_has_them_by_name(addon: ModuleType, rigs: Rigs) -> None:
