@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image
 
 from sacha_core.animation.standing import Standing
 from sacha_core.avatar.gaussians import Gaussians
@@ -18,12 +16,13 @@ from sacha_core.avatar.motion import Motion
 from sacha_core.cli.console import Console, kilobytes
 from sacha_core.cli.decode import ITERATION
 from sacha_core.cli.render import frame_range
+from sacha_core.cli.skin_picture import skin_picture
 from sacha_core.cli.sources import Opened
-from sacha_core.errors import FormatError, HeadError, OptionError
+from sacha_core.errors import OptionError
 from sacha_core.evaluate.peers.peer import enlarged
 from sacha_core.evaluate.peers.splat_transform import lacking, transform
 from sacha_core.files import write_aside
-from sacha_core.flame.model import JOINTS, HeadModel
+from sacha_core.flame.model import JOINTS
 from sacha_core.flame.teeth import is_flame
 from sacha_core.flame.unwrap import unwrapped
 from sacha_core.interchange.capture import write_head_reference
@@ -33,16 +32,12 @@ from sacha_core.interchange.gltf_splats import write_gltf_splats
 from sacha_core.interchange.splat_ply import write_world_ply
 from sacha_core.interchange.y_down import turned_over
 from sacha_core.progress import Progress
-from sacha_core.raster.texture import paint_triangles
-from sacha_core.regions.labels import label_triangles
-from sacha_core.regions.scheme import PAPER
 
 if TYPE_CHECKING:
     from sacha_core.cli.export import Options
 
 __all__ = ["FORMATS", "Format", "require_consistent"]
 
-MAP_SIDE, MAP_MARGIN = 1024, 4  # texels; the margin keeps smaller copies of the picture from bleeding over seams
 SPZ_ENLARGED = 16.0  # SPZ rounds places to 1/4096 of a unit, a quarter of a millimetre were the unit a metre
 
 
@@ -154,56 +149,11 @@ def write_head(opened: Opened, options: Options, console: Console) -> list[Path]
     motion = opened.avatar.motion or Motion.rest(0, head.exprdirs.shape[2], 0)
     if options.frames is not None:
         motion = motion.frames(np.array(chosen_frames(options.frames, len(motion))))
-    picture, shown = skin_picture(head, options)
+    picture, shown = skin_picture(head, options.texture)
     write_gltf_head(options.output, head, motion, motion.frame_rate, picture)
     size = kilobytes(options.output.stat().st_size)
     console.wrote("head", options.output, f"{len(motion)} frames, {shown}, {size}")
     return [options.output]
-
-
-def skin_picture(head: HeadModel, options: Options) -> tuple[bytes | None, str]:
-    """Give the PNG for a head's skin, and say what it is.
-
-    Raises:
-        FormatError: the named file is no PNG.
-        OSError: it cannot be read.
-    """
-    if options.texture is not None:
-        picture = options.texture.read_bytes()
-        require_png(picture, options.texture)
-        return picture, f"skin of {options.texture.name}"
-    try:
-        return region_map(head), "skin painted by region"
-    except HeadError:  # a head without regions has a skin, too
-        return None, "grey skin; --masks FILE would tell its regions"
-
-
-def require_png(picture: bytes, path: Path) -> None:
-    """Check that a picture, which goes into a file as it is, will be understood there.
-
-    Raises:
-        FormatError: it is damaged, or no PNG.
-    """
-    try:
-        with Image.open(io.BytesIO(picture), formats=("PNG",)) as image:
-            image.verify()
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise FormatError(f"{path} is no PNG that can be read, which is what goes onto the skin") from error
-
-
-def region_map(head: HeadModel) -> bytes:
-    """Paint the regions of a head with texture coordinates into a PNG.
-
-    Raises:
-        HeadError: its regions are not known.
-    """
-    colours = np.array(PAPER.colours, np.uint8)[label_triangles(head, PAPER)]
-    assert head.uv is not None
-    assert head.uv_faces is not None
-    painted = paint_triangles(head.uv[head.uv_faces], colours, MAP_SIDE, MAP_MARGIN)
-    stream = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(painted[:, :, :3])).save(stream, "PNG")
-    return stream.getvalue()
 
 
 def write_their_model(opened: Opened, options: Options, console: Console) -> list[Path]:
