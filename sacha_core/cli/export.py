@@ -13,7 +13,7 @@ from sacha_core.cli.console import Console
 
 __all__ = ["INPUTS", "FormatName", "Options", "run"]
 
-INPUTS = ("avatar", "motion", "texture")
+INPUTS = ("avatar", "motion", "texture", "scheme")
 
 FormatName = Literal["ply", "gltf-splats", "spz", "gltf-head", "gaussian-avatars"]
 
@@ -53,6 +53,9 @@ class Options:
 
     enlarge: Annotated[MaybeFloat, tyro.conf.arg(metavar="FACTOR", help_behavior_hint="(default: 1; SPZ 16)")] = None
     """How many times as large as life, which is in metres."""
+
+    scheme: FileOption = None
+    """With gltf-head: regions of one's own (.scheme.npz) for that map."""
 
     motion: FileOption = None
     """Motion (.npz) to take the frames from instead of the avatar's own."""

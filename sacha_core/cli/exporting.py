@@ -62,9 +62,11 @@ def require_consistent(options: Options) -> None:
     Raises:
         OptionError: naming the first that has none, or that makes no sense.
     """
+    if options.texture is not None and options.scheme is not None:
+        raise OptionError("--texture and --scheme both say what the skin shows; expected one of them")
     chosen = FORMATS[options.format]
     usual = type(options)
-    for name in ("frames", "y_down", "enlarge", "texture"):
+    for name in ("frames", "y_down", "enlarge", "texture", "scheme"):
         if getattr(options, name) != getattr(usual, name) and name not in chosen.takes:
             able = " and ".join(sorted(other for other, format_ in FORMATS.items() if name in format_.takes))
             raise OptionError(f"--{name.replace('_', '-')} is for {able}; --format {options.format} has no use for it")
@@ -149,7 +151,7 @@ def write_head(opened: Opened, options: Options, console: Console) -> list[Path]
     motion = opened.avatar.motion or Motion.rest(0, head.exprdirs.shape[2], 0)
     if options.frames is not None:
         motion = motion.frames(np.array(chosen_frames(options.frames, len(motion))))
-    picture, shown = skin_picture(head, options.texture)
+    picture, shown = skin_picture(head, options.texture, options.scheme, opened.avatar.scheme)
     write_gltf_head(options.output, head, motion, motion.frame_rate, picture)
     size = kilobytes(options.output.stat().st_size)
     console.wrote("head", options.output, f"{len(motion)} frames, {shown}, {size}")
@@ -180,6 +182,6 @@ FORMATS = {
     "ply": each_frame(".ply", write_world_ply, ("y_down",)),
     "gltf-splats": each_frame(".glb", write_gltf_splats),
     "spz": each_frame(".spz", write_spz, enlarge=SPZ_ENLARGED),
-    "gltf-head": Format(write_head, ("frames", "texture")),
+    "gltf-head": Format(write_head, ("frames", "texture", "scheme")),
     "gaussian-avatars": Format(write_their_model),
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,9 @@ from sacha_core.flame.posing import Poser
 from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.interchange.gaussian_avatars import read_model
-from sacha_core.regions.labels import label_triangles
+from sacha_core.regions.partition import partition_by
 from sacha_core.regions.scheme import PAPER
+from sacha_core.regions.scheme_file import write_scheme_file
 
 LOG_ERROR = 1e-5  # float32: the logarithm of a product against the sum of logarithms of about 5
 PLY_BYTES = 248  # 62 float32: what viewers and engines insist on, whatever the degree
@@ -128,8 +130,8 @@ def test_a_model_for_gaussian_avatars_comes_back(done, sacha_file: Path, tmp_pat
     assert done("encode", tmp_path / "model", "--level", "archive", "-o", again).report["n_frames"] == len(motion)
 
 
-def check_region_map(path: Path) -> None:
-    """Hold the texel in the middle of each triangle, found as glTF says, to the colour of its region."""
+def check_region_map(path: Path, colours: np.ndarray) -> None:
+    """Hold the texel in the middle of each triangle, found as glTF says, to the colour that it should have."""
     data = path.read_bytes()
     n_json = int.from_bytes(data[12:16], "little")
     document, binary = json.loads(data[20 : 20 + n_json]), data[28 + n_json :]
@@ -148,15 +150,24 @@ def check_region_map(path: Path) -> None:
         texels = np.asarray(picture)
     middle = uv[faces].mean(axis=1) * [texels.shape[1], texels.shape[0]]
     column, row = np.floor(middle).astype(int).T
-    expected = np.array(PAPER.colours)[label_triangles(synthetic_head("small"), PAPER)]
-    right = (texels[row, column] == expected).all(axis=1)
+    right = (texels[row, column] == colours).all(axis=1)
     assert right.mean() > 0.99  # triangles smaller than a texel may miss its middle
 
 
 def test_a_head_as_gltf(done, refused, sacha_file: Path, tmp_path: Path) -> None:
     report = done("export", sacha_file, "--format", "gltf-head", "-o", tmp_path / "a.glb").report
     assert report["bytes"] == (tmp_path / "a.glb").stat().st_size
-    check_region_map(tmp_path / "a.glb")
+    regions = partition_by(synthetic_head("small"))
+    check_region_map(tmp_path / "a.glb", np.array(PAPER.colours)[regions.labels])
+    own = replace(regions, name="halves", regions=("low", "high"), colours=((9, 90, 200), (250, 20, 30)))
+    own = replace(own, labels=(np.arange(len(regions.labels)) % 2).astype(np.uint8))
+    write_scheme_file(tmp_path / "own.scheme.npz", own)
+    named = ("--format", "gltf-head", "--scheme", tmp_path / "own.scheme.npz", "-o", tmp_path / "d.glb")
+    done("export", sacha_file, *named)
+    check_region_map(tmp_path / "d.glb", np.array(own.colours)[own.labels])
+    assert "both say" in refused(
+        "export", sacha_file, *named[:-1], tmp_path / "b.glb", "--texture", tmp_path / "own.scheme.npz"
+    )
     picture = io.BytesIO()
     Image.fromarray(np.zeros((40, 40), np.uint8)).save(picture, "PNG")
     (tmp_path / "a.png").write_bytes(picture.getvalue())
