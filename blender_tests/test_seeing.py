@@ -242,7 +242,7 @@ def test_reading_again_forgets_what_it_was_compared_with(seen: bpy.types.Object,
     assert bpy.ops.sacha.refresh() == {"FINISHED"}
     assert (shown.compared, shown.view) == ("", "DENSITY")
     assert not [name for name in seen.data.attributes.keys() if "_change" in name]  # noqa: SIM118  (what Blender gives is no dict)
-    assert shown.before_name == "before pruning"
+    assert shown.before_name == "when scored"
     assert all(row.change == row.gaussians - row.before for row in shown.regions)
 
 
@@ -294,3 +294,19 @@ def test_an_attribute_of_the_users_own_is_not_written_over(
     )  # fmt: skip
     with pytest.raises(ValueError, match="attribute 'count' of another kind"):
         part(addon, "numbers").take(mesh, folder)
+
+
+def test_the_joints_of_a_head_stand_for_it(seen: bpy.types.Object, material: Material) -> None:
+    joints = seen.parent
+    assert joints.type == "ARMATURE"
+    bpy.context.view_layer.objects.active = joints
+    for panel in ("SACHA_PT_shown", "SACHA_PT_regions"):
+        assert getattr(bpy.types, panel).poll(bpy.context)
+    assert bpy.ops.sacha.select_region(region="eyes") == {"FINISHED"}
+    assert np.array_equal(selected(seen.data.polygons), face_attribute(seen.data, "region") == 1)
+    assert bpy.ops.sacha.refresh() == {"FINISHED"}
+    assert seen.data.sacha.compared == ""
+    stranger = bpy.data.objects.new("stranger", bpy.data.armatures.new("stranger"))
+    bpy.context.collection.objects.link(stranger)
+    bpy.context.view_layer.objects.active = stranger
+    assert not bpy.types.SACHA_PT_shown.poll(bpy.context)

@@ -13,6 +13,7 @@ from .. import engine, preferences, running, sources
 from ..job import Job
 from ..opening.scene_folder import read_scene_folder
 from . import numbers
+from .active import mesh_of
 from .shown import edited, shown_by
 
 __all__ = ["CLASSES"]
@@ -32,8 +33,8 @@ def read_anew(operator: bpy.types.Operator, context: bpy.types.Context, compared
     Raises:
         ValueError: the mesh was edited, so that numbers of triangles would come to lie on others.
     """
-    active = context.object
-    mesh, source = active.data, sources.full_path(active.data.sacha.source)
+    mesh = mesh_of(context)
+    source = sources.full_path(mesh.sacha.source)
     if complaint := edited(mesh):
         raise ValueError(f"{complaint}; open the file anew instead")
     given = [*sources.head_options(context), *([] if compared is None else ["--compare", compared])]

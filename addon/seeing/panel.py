@@ -35,7 +35,7 @@ class SachaShownPanel(bpy.types.Panel):
         layout, shown = self.layout, shown_by(context)
         for fact in shown.facts:
             draw_sentence(layout, context, fact.name)
-        if complaint := edited(context.object.data):
+        if complaint := edited(shown.id_data):
             draw_sentence(layout, context, complaint, "ERROR")
         if not shown.views:
             draw_sentence(layout, context, "Its regions are not known: name its head model and open it again", "INFO")

@@ -9,6 +9,7 @@ import numpy as np
 from bpy.props import BoolProperty, StringProperty
 
 from .. import bridge
+from .active import mesh_of
 
 __all__ = ["CLASSES", "select_faces"]
 
@@ -66,12 +67,12 @@ class SachaSelectRegion(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """There must be regions."""
-        active = context.object
-        return active is not None and active.type == "MESH" and len(active.data.sacha.regions) > 0
+        mesh = mesh_of(context)
+        return mesh is not None and len(mesh.sacha.regions) > 0
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Select."""
-        mesh = context.object.data
+        mesh = mesh_of(context)
         regions = mesh.sacha.regions
         chosen = regions.get(self.region) if self.region else None
         if not self.region and 0 <= mesh.sacha.active_region < len(regions):

@@ -16,6 +16,7 @@ from bpy.props import (
 )
 
 from . import painting, selecting
+from .active import mesh_of
 
 __all__ = ["CLASSES", "SORTS", "TABLES", "attach", "detach", "edited", "shown_by"]
 
@@ -189,8 +190,8 @@ def detach() -> None:
 
 def shown_by(context: bpy.types.Context) -> SachaShown | None:
     """Give what the active mesh shows, or None where it is not ours."""
-    mesh = context.object.data if context.object is not None and context.object.type == "MESH" else None
-    return mesh.sacha if mesh is not None and mesh.sacha.kind else None
+    mesh = mesh_of(context)
+    return None if mesh is None else mesh.sacha
 
 
 def edited(mesh: bpy.types.Mesh) -> str:

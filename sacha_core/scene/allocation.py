@@ -16,10 +16,11 @@ from sacha_core.density.modulators import modulators
 from sacha_core.density.region_means import region_means
 from sacha_core.density.scores_file import Scores
 from sacha_core.regions.partition import Partition
+from sacha_core.regions.scheme import SCHEMES
 from sacha_core.scene.measures import Measure, mean_over
 from sacha_core.scene.scales import Kind
 
-__all__ = ["allocation_measures"]
+__all__ = ["allocation_measures", "last_calibration"]
 
 # name: label, what it is, scale
 TOLD: dict[str, tuple[str, str, Kind]] = {
@@ -52,14 +53,21 @@ def allocation_measures(
     measures = [] if scored is None else [_sensitivity(scored, scored is gaussians, n_faces, regions)]
     if regions is None:
         return measures
-    calibrations = [] if scores is None else [event for event in scores.events if isinstance(event, Calibration)]
-    if calibrations and len(calibrations[-1].modulator) == len(regions.regions):
-        last = calibrations[-1]
+    last = last_calibration(scores, regions)
+    if last is not None:
         return [*measures, *(_of_regions(name, _numbers(getattr(last, name)), regions) for name in TOLD)]
     if scored is None:
         return measures
     means = region_means(_sensitivities(scored), regions.labels[scored.binding], len(regions.regions))
     return [*measures, _of_regions("modulator", modulators(means), regions)]
+
+
+def last_calibration(scores: Scores | None, regions: Partition) -> Calibration | None:
+    """Give what regions were last measured to be; None where there is none, or of other regions: a user's own go by no common name."""
+    if scores is None or scores.scheme != regions.name or scores.scheme not in SCHEMES:
+        return None
+    calibrations = [event for event in scores.events if isinstance(event, Calibration)]
+    return calibrations[-1] if calibrations else None
 
 
 def _sensitivities(gaussians: Gaussians) -> Float[np.ndarray, " n"]:

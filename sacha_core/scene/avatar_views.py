@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.density.events import Pruning
 from sacha_core.density.scores_file import Scores
 from sacha_core.regions.partition import Partition
 from sacha_core.scene.allocation import allocation_measures
@@ -66,14 +67,15 @@ def avatar_views(measures: Sequence[Measure], before: Sequence[Measure] | None) 
 def avatar_table(
     shown: Shown, area_cm2: Float[np.ndarray, " f"], regions: Partition, compared: Shown | None
 ) -> RegionTable:
-    """Give the table of regions: before is what the avatar is compared with, else what its scores file had before pruning."""
+    """Give the table of regions: before is what the avatar is compared with, else what its scores file holds."""
     count = np.bincount(shown.gaussians.binding, minlength=len(regions.labels))
     before = None
     if compared is not None:
         then = None if compared.n_bytes is None else whole_bytes(total_over(regions, compared.n_bytes))
         before = Before(compared.name, _counts(compared.gaussians, regions), then)
     elif shown.scores is not None:
-        before = Before("before pruning", _counts(shown.scores.gaussians, regions))
+        pruned = any(isinstance(event, Pruning) for event in shown.scores.events)
+        before = Before("before pruning" if pruned else "when scored", _counts(shown.scores.gaussians, regions))
     return region_table(regions, count, area_cm2, shown.n_bytes, before)
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from sacha_core.density.events import Calibration
 from sacha_core.regions.partition import Partition
+from sacha_core.scene.allocation import last_calibration
 from sacha_core.scene.avatar_views import Shown
 
 __all__ = ["missing_views"]
@@ -18,6 +18,8 @@ def missing_views(shown: Shown, regions: Partition | None) -> list[str]:
         have = shown.gaussians.sensitivity_logit is not None
         lacking = "Threshold and pruning ratio" if have else "Sensitivity, modulator, threshold and pruning ratio"
         lines.append(f"{lacking}: `sacha score` measures them")
-    elif regions is not None and not any(isinstance(event, Calibration) for event in shown.scores.events):
-        lines.append("Threshold and pruning ratio: its scores file has none; `sacha score` measures them")
+    elif regions is not None and last_calibration(shown.scores, regions) is None:
+        lines.append(
+            f"Threshold and pruning ratio: its scores file has none for the regions {regions.name!r}; `sacha score` measures them"
+        )
     return lines

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.avatar.gaussians import Gaussians
-from sacha_core.density.events import Calibration
+from sacha_core.density.events import Calibration, Pruning
 from sacha_core.density.scores_file import Scores
 from sacha_core.regions.partition import Partition
 from sacha_core.scene.avatar_views import Shown, avatar_table, avatar_views, measures_of
@@ -24,7 +24,7 @@ from sacha_core.scene.region_table import whole_bytes
 
 F, R, N = 12, 3, 60
 SINGLE = 1e-6  # values are float32
-REGIONS = Partition("mine", ("a", "b", "none"), ((1, 2, 3), (4, 5, 6), (7, 8, 9)), (np.arange(F) % 2).astype(np.uint8))
+REGIONS = Partition("paper", ("a", "b", "none"), ((1, 2, 3), (4, 5, 6), (7, 8, 9)), (np.arange(F) % 2).astype(np.uint8))
 
 
 def gaussians_of(seed: int, n: int = N, learned: bool = True) -> Gaussians:
@@ -39,8 +39,8 @@ def calibration(numbers: tuple[float | None, ...]) -> Calibration:
     return Calibration(7, counts, counts, none, none, none, None, None, None, numbers, numbers, numbers, "plain")
 
 
-def scores_of(gaussians: Gaussians, *events: Calibration) -> Scores:
-    return Scores(gaussians, np.ones(len(gaussians)), F, "mine", events)
+def scores_of(gaussians: Gaussians, *events: Calibration | Pruning, scheme: str = "paper") -> Scores:
+    return Scores(gaussians, np.ones(len(gaussians)), F, scheme, events)
 
 
 def by_name(measures: list[Measure]) -> dict[str, Measure]:
@@ -145,9 +145,21 @@ def test_changes_are_here_less_there() -> None:
 
 def test_scores_tell_what_there_was_before_pruning() -> None:
     before = gaussians_of(8)
-    table = avatar_table(Shown("x", before.select(np.arange(10)), scores_of(before)), AREA, REGIONS, None)
-    assert table.before is not None
-    assert (table.before.sum(), table.gaussians.sum(), table.before_name) == (N, 10, "before pruning")
+    pruning = Pruning(9, "pis", "off", *((0,) * R,) * 4)
+    for events, name in (((pruning,), "before pruning"), ((), "when scored")):
+        table = avatar_table(Shown("x", before.select(np.arange(10)), scores_of(before, *events)), AREA, REGIONS, None)
+        assert table.before is not None
+        assert (table.before.sum(), table.gaussians.sum(), table.before_name) == (N, 10, name)
+
+
+@pytest.mark.parametrize("scheme", ["mine", "wide-eyes"])
+def test_a_calibration_of_other_regions_counts_for_nothing(scheme: str) -> None:
+    gaussians = gaussians_of(2)
+    shown = Shown("x", gaussians, scores_of(gaussians, calibration((0.5, 2.0, 1.0)), scheme=scheme))
+    found = by_name(measures_of(shown, AREA, replace(REGIONS, name="mine")))
+    assert not {"threshold", "ratio"} & found.keys()
+    assert "modulator" in found
+    assert any("Threshold" in line for line in missing_views(shown, replace(REGIONS, name="mine")))
 
 
 def test_areas_are_halves_of_parallelograms() -> None:
