@@ -22,8 +22,7 @@ from run import ENGINE, install  # noqa: E402  (it lies beside this file)
 PAUSE_S = 0.7  # between steps: time to draw
 FOLDER, *GIVEN = sys.argv[sys.argv.index("--") + 1 :]
 SIZE = (1600, 1200)  # of the window, pixels
-WIDER, SLIDES = 200, 4  # pixels that the sidebar gets, and in how many steps
-HELD: list[int] = []  # where its edge was held
+WIDER = 200  # pixels that the sidebar gets
 OPEN = {"SACHA_PT_main"}  # panels that stay open whatever is photographed
 
 
@@ -84,27 +83,12 @@ def choose_tab() -> None:
     point(SIZE[0] - 14, 156, "click", "1")
 
 
-def grab() -> None:
-    """Take the sidebar's edge."""
-    edge = next(one for one in bpy.context.area.regions if one.type == "UI").x
-    point(edge - 3, 700)
-    HELD.append(edge - 3)  # where Blender takes it for the edge
-
-
-def press() -> None:
-    """Hold it."""
-    point(HELD[0], 700, "mousedown", "1")
-
-
-def slide() -> None:
-    """Draw it on by a part of the way, as a hand does."""
-    HELD.append(HELD[-1] - WIDER // SLIDES)
-    point(HELD[-1], 700)
-
-
-def release() -> None:
-    """Let it go, and take the mouse out of the picture."""
-    point(HELD[-1], 700, "mouseup", "1", "mousemove", "300", "900")
+def widen() -> None:
+    """Drag the sidebar's edge as a hand does, while Blender goes on."""
+    edge = next(one for one in bpy.context.area.regions if one.type == "UI").x + 1
+    way = [f"mousemove {x} 700 sleep 0.1" for x in (edge + 5, edge, edge)] + ["mousedown 1 sleep 0.3"]
+    way += [f"mousemove {x} 700 sleep 0.1" for x in range(edge, edge - WIDER, -25)]
+    subprocess.Popen(["xdotool", *" ".join([*way, "mouseup 1 mousemove 300 900"]).split()], stdin=subprocess.DEVNULL)
 
 
 def point(x: int, y: int, *more: str) -> None:
@@ -144,6 +128,10 @@ def favour() -> None:
         regions["mouth"].weight = 2.0
 
 
+def rest() -> None:
+    """Let Blender draw, and the mouse move."""
+
+
 def forget_engine() -> None:
     """Have no engine."""
     preferences().engine_python = "/nowhere/python"
@@ -155,7 +143,7 @@ def preferences() -> bpy.types.AddonPreferences:
 
 
 STEPS: list[Callable[[], object]] = [
-    start, look, choose_tab, grab, press, *[slide] * SLIDES, release,
+    start, look, choose_tab, widen, *[rest] * 4,
     lambda: open_only("SACHA_PT_shown", "SACHA_PT_regions"), take("seeing_region"),
     show("COUNT"), take("seeing_count"), show("BYTES"), take("seeing_bytes"),
     favour, lambda: open_only("SACHA_PT_budget", "SACHA_PT_outcome"), take("steering"),
@@ -163,7 +151,7 @@ STEPS: list[Callable[[], object]] = [
     lambda: open_only("SACHA_PT_files", "SACHA_PT_training", "SACHA_PT_film"), take("making"),
     lambda: open_only("SACHA_PT_controls"), take("controls"),
     fail, lambda: open_only("SACHA_PT_help"), take("problem"),
-    forget_engine, lambda: None, take("no_engine"),
+    forget_engine, rest, take("no_engine"),
 ]  # fmt: skip
 
 
@@ -192,4 +180,5 @@ ours = [name for name in dir(bpy.types) if name.startswith("SACHA_PT_")]
 # Kept, since classes that are not registered cannot be found by name; parents first
 PANELS = {name: getattr(bpy.types, name) for name in sorted(ours, key=lambda one: one not in OPEN)}
 only_ours()
+open_only(*PANELS)  # before they are drawn: Blender remembers which were closed
 bpy.app.timers.register(tick, first_interval=2.0, persistent=True)
