@@ -23,7 +23,6 @@ from pictures import look_at, render
 __all__ = ["Sitting", "play"]
 
 FRONT = (0.25, -1.0, 0.1)
-LEVEL = "2"
 
 
 @dataclass
@@ -109,7 +108,7 @@ def applied(sitting: Sitting, name: str, weights: str) -> dict[str, Any]:
 def preview(sitting: Sitting) -> None:
     """Let the engine draw it from the scene's camera, at a level, with its error."""
     bpy.context.scene.camera.data.type = "PERSP"
-    bpy.ops.sacha.render_preview(level=LEVEL, error="IMAGE")
+    bpy.ops.sacha.render_preview(level="FILE", error="DIFFERENCE", against=str(sitting.source))
     for name in ("Preview", "Error"):
         image = bpy.data.images[f"SACHA {name}"]
         width, height = image.size

@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..preferences import found
+from .lines import draw_sentence
 
 __all__ = ["CLASSES"]
 
@@ -24,7 +25,7 @@ class SachaHelpPanel(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout = self.layout
-        layout.label(text=found(context) or "The engine has not been checked")
+        draw_sentence(layout, context, found(context) or "The engine has not been checked")
         column = layout.column(align=True)
         column.operator("sacha.check_engine", icon="CHECKMARK")
         column.operator("sacha.copy_diagnostics", icon="COPYDOWN")
