@@ -79,8 +79,8 @@ class SachaApplyBudget(bpy.types.Operator, ExportHelper):
         _take_over(asked, self.weights, self.target_kb)
         origin, before = sources.full_path(origin_of(mesh)), sources.full_path(mesh.sacha.source)
         target = sources.full_path(self.filepath) if self.filepath else _free_name(origin)
-        given = [origin, "-o", target, "--before", before, "--make-scores", *sources.head_options(context)]
-        given += budget_options(context, mesh)
+        given = [origin, "-o", target, "--make-scores", *sources.head_options(context), *budget_options(context, mesh)]
+        given += [] if before == origin else ["--before", before]
         python, name, painting = preferences.engine_python(context), mesh.name, painted(context.object)
 
         def command(folder: Path) -> list[str]:

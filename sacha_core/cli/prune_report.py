@@ -71,11 +71,10 @@ def measured(
 
     head, result = opened.head, replace(opened.avatar, gaussians=written.gaussians)
     if options.dataset is None:
-        both = (before.avatar.gaussians, written.gaussians)
-        first, second = own_region_psnr(
-            opened.avatar.gaussians, both, head, opened.avatar.motion, partition, report=console.report
-        )
-        return first, second
+        truth, motion = opened.avatar.gaussians, opened.avatar.motion
+        found = [written.gaussians] if before is opened else [before.avatar.gaussians, written.gaussians]
+        psnr = own_region_psnr(truth, found, head, motion, partition, report=console.report)
+        return ([None] * len(partition.regions) if before is opened else psnr[0]), psnr[-1]
     capture = read_capture(options.dataset)
     old, new = (
         capture_region_psnr(avatar, head, capture, partition, report=console.report)
