@@ -223,6 +223,22 @@ def test_they_survive_saving_and_work_without_the_addon(
         addon.register()
 
 
+def test_a_linked_duplicate_has_none_until_they_are_shown(splats: bpy.types.Object, head: bpy.types.Object) -> None:
+    twin = head.copy()  # with the same mesh
+    bpy.context.collection.objects.link(twin)
+    bpy.context.view_layer.objects.active = twin
+    assert not bpy.ops.sacha.remove_splats.poll()
+    bpy.context.view_layer.objects.active = head
+    assert bpy.ops.sacha.remove_splats.poll()
+
+
+def test_without_their_head_they_stay(splats: bpy.types.Object, head: bpy.types.Object) -> None:
+    before = read(splats.data, "position", 3)
+    bpy.data.objects.remove(head)
+    made, rows = shown_points(splats)
+    assert np.array_equal(read(made, "position", 3)[rows], before)
+
+
 def test_undo_takes_them_away(opened: bpy.types.Object) -> None:
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.sacha.show_splats()

@@ -60,7 +60,7 @@ def _draw_splats(layout: bpy.types.UILayout, head: bpy.types.Object, splats: bpy
     for name in ("follow", "soft", "size", "least_opacity"):
         column.prop(settings, name)
     if settings.soft:
-        layout.label(text="Cycles: raise Transparent in Light Paths to 64", icon="INFO")
+        layout.label(text="Cycles: raise Transparent in Light Paths to 256", icon="INFO")
 
 
 class SachaPreviewPanel(bpy.types.Panel):

@@ -124,6 +124,16 @@ def test_an_avatar_against_itself_is_the_same(sacha_file: Path, done, tmp_path: 
     assert not image(tmp_path / "e.png").any()
 
 
+def test_flip_paints_what_is_visible(model: Path, sacha_file: Path, done, tmp_path: Path) -> None:
+    pytest.importorskip("flip_evaluator", reason="FLIP is an extra: judge")
+    error, size = tmp_path / "e.png", ("--width", 40, "--height", 60)
+    options = ("--against", sacha_file, "--error", error, "--error-kind", "flip", "--brightest", 1)
+    report = done("render", model, *size, "-o", tmp_path / "a.png", *options).report
+    assert report["error_kind"] == "flip"
+    assert 0 < report["mean_error"] < 1
+    assert image(error).any()
+
+
 REFUSED = {
     "needs something to compare with": ("--error", "e.png"),
     "expected --level LEVEL beside it": ("--encoded", "k.sacha"),
