@@ -32,7 +32,7 @@ class SachaFilmPanel(bpy.types.Panel):
         """Draw it."""
         layout, scene = self.layout, context.scene
         setup = scene.sacha_making
-        layout.use_property_split = True
+        layout.use_property_split, layout.use_property_decorate = True, False
         layout.operator("sacha.add_cameras", icon="OUTLINER_OB_CAMERA")
         names = ["film_cameras", "renderer", *(["samples"] if setup.renderer == "CYCLES" else [])]
         for name in (*names, "width", "height", "frame_step", "only_selected", "film_folder"):

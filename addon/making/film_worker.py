@@ -109,6 +109,8 @@ def prepare(scene: bpy.types.Scene, told: dict[str, Any]) -> None:
     render.image_settings.color_depth, render.image_settings.compression = "8", 15
     if told["renderer"] == "CYCLES":
         scene.cycles.samples = told["samples"]
+        if not importlib.import_module("_cycles").with_openimagedenoise:  # then asking for it is an error
+            scene.cycles.use_denoising = False
     for name in told["cameras"]:
         bpy.data.objects[name].data.dof.use_dof = False
     if told["kept"]:
@@ -227,7 +229,8 @@ def main(arguments: list[str]) -> None:
     try:
         film(json.loads(Path(given[0]).read_text(encoding="utf-8")))
     except (FilmError, ValueError, RuntimeError) as error:
-        say({"error": {"kind": "", "message": " ".join(str(error).split())}})
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]  # of an operator: all its traceback
+        say({"error": {"kind": "", "message": lines[-1] if lines else type(error).__name__}})
         sys.exit(2)
 
 

@@ -24,7 +24,7 @@ class SachaFilesPanel(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it; without an avatar there are folders to be compressed."""
         layout, chosen, setup = self.layout, context.scene.sacha, context.scene.sacha_making
-        layout.use_property_split = True
+        layout.use_property_split, layout.use_property_decorate = True, False
         layout.prop(setup, "size_by")
         if setup.size_by == "LEVEL":
             layout.prop(chosen, "level")

@@ -39,7 +39,7 @@ class SachaTrainingPanel(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, setup = self.layout, context.scene.sacha_making
-        layout.use_property_split = True
+        layout.use_property_split, layout.use_property_decorate = True, False
         for name in ("dataset", "model", "variant", "iterations", "shrink", "seed", "device", "finetune"):
             layout.prop(setup, name)
         row = layout.row()
