@@ -193,6 +193,8 @@ def _parse_header(lines: list[str]) -> tuple[str, list[_Element]]:
                 order = ORDERS[kind]
             case ["element", name, count] if (name == "vertex" or elements) and re.fullmatch("[0-9]{1,12}", count):
                 elements.append(_Element(int(count), {}))
+            case ["element", "chunk", _] if not elements:
+                raise FormatError("this is a compressed PLY; PlayCanvas' splat-transform makes a plain one of it")
             case ["property", *_] if len(elements) > 1:
                 pass
             case ["property", kind, name] if elements and kind in TYPES and name not in elements[0].properties:

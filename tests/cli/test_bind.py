@@ -106,6 +106,10 @@ def test_wrong_scenes_are_refused_in_one_line(refused, frame_2, tmp_path: Path) 
             "PLY format 'ascii' is not read",
         ),
         (data.replace(b"element vertex ", b"element vertex 99999999"), "but the file has"),
+        (
+            b"ply\nformat binary_little_endian 1.0\nelement chunk 1\nproperty float min_x\nend_header\n",
+            "a compressed PLY",
+        ),
         (b"PK\3\4 no ply", "wrong.ply"),
         (b"", "wrong.ply"),
         (empty, "holds no Gaussians"),
