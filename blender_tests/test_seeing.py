@@ -310,3 +310,17 @@ def test_the_joints_of_a_head_stand_for_it(seen: bpy.types.Object, material: Mat
     bpy.context.collection.objects.link(stranger)
     bpy.context.view_layer.objects.active = stranger
     assert not bpy.types.SACHA_PT_shown.poll(bpy.context)
+
+
+def test_measuring_brings_the_views_that_were_absent(addon: ModuleType, material: Material, tmp_path: Path) -> None:
+    path = tmp_path / "measured.sacha"
+    path.write_bytes((material.folder / "avatar.sacha").read_bytes())
+    bpy.ops.sacha.open(filepath=str(path))
+    shown = bpy.context.object.data.sacha
+    assert "threshold" not in shown.views
+    assert bpy.ops.sacha.measure(views=2) == {"FINISHED"}
+    assert {"sensitivity", "modulator", "threshold", "ratio"} <= set(shown.views.keys())
+    assert not shown.absent
+    assert (tmp_path / "measured.scores.npz").is_file()
+    shown.view = "THRESHOLD"
+    assert len(np.unique(corner_colours(bpy.context.object.data, COLOURS)[:, 0], axis=0)) > 1

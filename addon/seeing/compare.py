@@ -6,7 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from .. import engine, preferences, running, sources
@@ -27,8 +27,16 @@ def has_avatar(context: bpy.types.Context) -> bool:
     return shown is not None and shown.kind == "avatar"
 
 
-def read_anew(operator: bpy.types.Operator, context: bpy.types.Context, compared: Path | None) -> running.Work:
+def read_anew(
+    operator: bpy.types.Operator, context: bpy.types.Context, compared: Path | None = None, views: int = 0
+) -> running.Work:
     """Let the engine read the avatar of the active mesh again, on its own or against another one.
+
+    Args:
+        operator: that reports notes.
+        context: with the mesh.
+        compared: another avatar, if any.
+        views: in how many views the avatar shall be measured first; 0 leaves it as it is.
 
     Raises:
         ValueError: the mesh was edited, so that numbers of triangles would come to lie on others.
@@ -38,6 +46,7 @@ def read_anew(operator: bpy.types.Operator, context: bpy.types.Context, compared
     if complaint := edited(mesh):
         raise ValueError(f"{complaint}; open the file anew instead")
     given = [*sources.head_options(context), *([] if compared is None else ["--compare", compared])]
+    given += ["--measure", str(views)] if views else []
     python, name = preferences.engine_python(context), mesh.name
 
     def finish(job: Job) -> str:
@@ -53,8 +62,9 @@ def read_anew(operator: bpy.types.Operator, context: bpy.types.Context, compared
             bpy.data.meshes[name].sacha.view = CHANGE
         return f"{source.name} against {compared.name}: {', '.join(opened.facts)}"
 
+    title = f"Measuring {source.name}" if views else f"Reading {source.name}"
     return running.Work(
-        f"Reading {source.name}" if compared is None else f"Comparing with {compared.name}",
+        title if compared is None else f"Comparing with {compared.name}",
         lambda folder: engine.command(python, "scene", source, "--out", folder / "scene", *given),
         finish,
     )
@@ -123,11 +133,48 @@ class SachaRefresh(bpy.types.Operator):
         Raises:
             ValueError: the mesh was edited.
         """
-        return read_anew(self, context, None)
+        return read_anew(self, context)
 
     execute = running.execute
     modal = running.modal
     cancel = running.cancel
 
 
-CLASSES = (SachaCompare, SachaRefresh)
+class SachaMeasure(bpy.types.Operator):
+    """Measure sensitivities, and what regions' modulators, thresholds and ratios are, and show them."""
+
+    bl_idname = "sacha.measure"
+    bl_label = "Measure"
+    bl_description = (
+        "Render the avatar from all sides and measure what each Gaussian is worth: views of sensitivity, modulator, threshold and "
+        "pruning ratio follow. The scores are kept in a file beside the avatar's"
+    )
+    bl_options = {"UNDO"}  # noqa: RUF012  (Blender reads it as it is)
+
+    views: IntProperty(name="Views", description="In how many views, about", default=120, min=1)
+    wait: running.wait_property()
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """There must be an avatar."""
+        return has_avatar(context)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
+        """Let the window go on meanwhile."""
+        self.wait = False
+        return self.execute(context)
+
+    def work(self, context: bpy.types.Context) -> running.Work:
+        """Let the engine measure and read.
+
+        Raises:
+            ValueError: the mesh was edited.
+        """
+        return read_anew(self, context, views=self.views)
+
+    execute = running.execute
+    modal = running.modal
+    cancel = running.cancel
+
+
+CLASSES = (SachaCompare, SachaRefresh, SachaMeasure)

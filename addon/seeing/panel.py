@@ -44,6 +44,8 @@ class SachaShownPanel(bpy.types.Panel):
         for line in shown.absent:
             draw_sentence(layout, context, line.name, "INFO")
         if shown.kind == "avatar":
+            if "threshold" not in shown.views:
+                layout.operator("sacha.measure", icon="DRIVER_DISTANCE")
             row = layout.row(align=True)
             row.operator("sacha.compare", icon="UV_SYNC_SELECT")
             row.operator("sacha.refresh", icon="FILE_REFRESH")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource, MaybePath
+from sacha_core.cli.common import Common, FileOption, HeadSource, MaybeInt, MaybePath
 from sacha_core.cli.console import Console
 from sacha_core.errors import OptionError
 from sacha_core.progress import Progress
@@ -40,6 +40,9 @@ class Options:
     scheme: FileOption = None
     """Regions of one's own (.scheme.npz) instead of the avatar's."""
 
+    measure: Annotated[MaybeInt, tyro.conf.arg(metavar="VIEWS", help_behavior_hint="")] = None
+    """First measure an avatar in so many views, as `sacha score` does, and keep the scores beside it, or where --scores says."""
+
     motion: FileOption = None
     """A motion (.npz) that the head shall have instead of the file's own."""
 
@@ -56,6 +59,11 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     """
     from sacha_core.scene.folder import write_scene
 
+    if options.measure is not None:
+        from sacha_core.cli import score
+
+        measured = score.Options(options.file, options.scores, options.motion, views=options.measure, head=options.head)
+        score.run(measured, console)
     console.report(Progress("read", 0, 2))
     named = Extras(options.scores, options.compare, options.scheme, options.motion)
     scene = open_scene(options.file, options.head, named)

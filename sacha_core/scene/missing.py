@@ -17,9 +17,9 @@ def missing_views(shown: Shown, regions: Partition | None) -> list[str]:
     if shown.scores is None:
         have = shown.gaussians.sensitivity_logit is not None
         lacking = "Threshold and pruning ratio" if have else "Sensitivity, modulator, threshold and pruning ratio"
-        lines.append(f"{lacking}: `sacha score` measures them")
+        lines.append(f"{lacking}: Measure tells (`sacha score`)")
     elif regions is not None and last_calibration(shown.scores, regions) is None:
         lines.append(
-            f"Threshold and pruning ratio: its scores file has none for the regions {regions.name!r}; `sacha score` measures them"
+            f"Threshold and pruning ratio: its scores file has none for the regions {regions.name!r}; Measure tells (`sacha score`)"
         )
     return lines
