@@ -180,7 +180,8 @@ def price_of_a_bit(gaussians: Gaussians, head: HeadModel, level: int | Level, im
     chosen = level if isinstance(level, Level) else level_named(level)
     keep = visible(gaussians.opacity_logit, chosen.opacity_steps)
     template = template_of(head.v_template, head.faces)
-    prepared, known, order = prepare(gaussians.select(keep), template, chosen, importance.select(keep))
+    alone = replace(importance, colour_metric=None)  # which decides nothing here, and is the largest part
+    prepared, known, order = prepare(gaussians.select(keep), template, chosen, alone.select(keep))
     if known is None or not len(order):
         return 0.0
     return plan_by_worth(prepared, chosen, known, plan_by_rules(prepared, chosen)).price or 0.0

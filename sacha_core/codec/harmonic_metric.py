@@ -28,6 +28,7 @@ EVERYWHERE = 0.2  # weight of directions all around: from behind or above 1 to 3
 RING_SHARE = 1.5  # of a measured weight is spread as the ring says: a few noisy views must not tell what the others see
 UNMEASURED = 0.01  # of what was measured stays with what the ring says
 N_SPHERE = 64
+AT_ONCE = 1024  # Gaussians whose metrics stay in a processor's cache
 
 
 @dataclass(frozen=True)
@@ -71,12 +72,13 @@ def metric_of(
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30)
     measured = None if importance is None else importance.colour_metric
-    return weigh(measured, ring_metric(normals, gaussians.sh_rest.shape[1] + 1), rule, classes)
+    return weigh(measured, normals, gaussians.sh_rest.shape[1] + 1, rule, classes)
 
 
 def weigh(
     measured: Float[np.ndarray, "n k1 k1"] | None,
-    ring: Float[np.ndarray, "m k1 k1"],
+    normals: Float[np.ndarray, "n 3"] | None,
+    n_coefficients: int,
     rule: StepRule,
     classes: Classes,
 ) -> Metric:
@@ -84,23 +86,29 @@ def weigh(
 
     Args:
         measured: metric by rendering; None takes the steps' rule for it, which stands for opacity and area.
-        ring: metric by directions alone, of every Gaussian or one for all, in any unit.
+        normals: as of `ring_metric`.
+        n_coefficients: likewise.
         rule: of the steps.
         classes: what they depend on.
     """
-    shape = (ring / np.maximum(ring[:, :1, :1], 1e-30)).astype(np.float32)
     by_rule = np.exp2(-rule.shift(classes) / 4.0)
-    if measured is None:
-        whole = shape * by_rule[:, None, None].astype(np.float32)
-    else:
+    ringed = by_rule
+    if measured is not None:
         seen = measured[:, 0, 0].astype(np.float64) / (1 + RING_SHARE)
         share = UNMEASURED * seen.sum() / max(by_rule.sum(), 1e-30)
-        whole = shape * (share * by_rule + RING_SHARE * seen)[:, None, None].astype(np.float32)
-        whole += measured * np.float32(1 / (1 + RING_SHARE))
-    weight = np.maximum(whole[:, 0, 0], 1e-30).astype(np.float64)
-    fold = whole[:, 0, 1:] / weight[:, None].astype(np.float32)
-    left = np.ascontiguousarray(whole[:, 1:, 1:])
-    left -= whole[:, 0, 1:, None] * fold[:, None]
+        ringed = share * by_rule + RING_SHARE * seen
+    n, k = len(by_rule), n_coefficients - 1
+    weight, fold, left = np.empty(n), np.empty((n, k), np.float32), np.empty((n, k, k), np.float32)
+    for start in range(0, n, AT_ONCE):
+        rows = slice(start, start + AT_ONCE)
+        ring = ring_metric(None if normals is None else normals[rows], n_coefficients)
+        whole = (ring / np.maximum(ring[:, :1, :1], 1e-30)).astype(np.float32)
+        whole = whole * ringed[rows, None, None].astype(np.float32)
+        if measured is not None:
+            whole += measured[rows] * np.float32(1 / (1 + RING_SHARE))
+        weight[rows] = np.maximum(whole[:, 0, 0], 1e-30)
+        fold[rows] = whole[:, 0, 1:] / weight[rows, None].astype(np.float32)
+        left[rows] = whole[:, 1:, 1:] - whole[:, 0, 1:, None] * fold[rows, None]
     return Metric(weight, fold, left)
 
 

@@ -32,8 +32,6 @@ class GaussianImportance:
         opacity: (n,) for theta = arcsin sqrt opacity.
         sh_dc: (n, 3) for coefficients of degree 0, RGB.
         sh_rest: (n, k, 3) for those of degree 1 and up.
-        removal: (n,) squared change when the Gaussian alone is left out.
-        shown: (n,) its largest blending weight in any pixel of any view, 0 to 1.
         colour_metric: (n, k + 1, k + 1) float32 for the coefficients of one colour together: an error e of all of them, degree 0 first,
             changes pictures by e^T M e. Mean over views of the summed squared blending weight times the outer product of the harmonics in
             the direction of view; None where nobody measured it.
@@ -45,8 +43,6 @@ class GaussianImportance:
     opacity: Float[np.ndarray, " n"]
     sh_dc: Float[np.ndarray, "n 3"]
     sh_rest: Float[np.ndarray, "n k 3"]
-    removal: Float[np.ndarray, " n"]
-    shown: Float[np.ndarray, " n"]
     colour_metric: Float[np.ndarray, "n k1 k1"] | None = None
 
     def __len__(self) -> int:
@@ -62,7 +58,6 @@ class GaussianImportance:
         weighed = {
             name: (value * factors.reshape(-1, *[1] * (value.ndim - 1))).astype(value.dtype)
             for name, value in self._present()
-            if name != "shown"
         }
         return replace(self, **weighed)
 
@@ -103,6 +98,6 @@ class GaussianImportance:
 
 
 ROWS: dict[str, RowShape] = {
-    "position": (3,), "log_scale": (3,), "rotation": (3,), "opacity": (), "sh_dc": (3,), "sh_rest": (None, 3), "removal": (), "shown": (),
+    "position": (3,), "log_scale": (3,), "rotation": (3,), "opacity": (), "sh_dc": (3,), "sh_rest": (None, 3),
     "colour_metric": (None, None),
 }  # fmt: skip

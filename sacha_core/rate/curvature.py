@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sacha_core.avatar.avatar import Avatar
-from sacha_core.avatar.binding import WorldGaussians, to_world
+from sacha_core.avatar.binding import WorldGaussians
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.codec.importance import GaussianImportance
 from sacha_core.flame.model import HeadModel
@@ -26,13 +26,15 @@ from sacha_core.raster.harmonics import sh_colours, sh_colours_backward, sh_rest
 from sacha_core.raster.kernels.harmonics import BASIS
 from sacha_core.raster.rasteriser import Frame, Rasteriser
 from sacha_core.raster.splats import SplatGradients, Splats
+from sacha_core.rate.kernels.sums import add_outer_products, add_squares, mirror, turn_back
 from sacha_core.rate.views import Shot, measuring_shots
+from sacha_core.rate.world import in_world
 
 __all__ = ["LocalGradients", "draw", "importance_of", "local_gradients", "measure_importance"]
 
 WHITE = np.ones(3, np.float32)
 CAMERAS, DIRECTIONAL_CAMERAS = 2, 4  # a pose; a colour that depends on the direction wants to be seen from more of them
-SUMMED = ("position", "log_scale", "rotation", "opacity", "sh_dc", "removal")
+SUMMED = ("position", "log_scale", "rotation", "opacity", "sh_dc")
 
 
 @dataclass(frozen=True)
@@ -81,35 +83,31 @@ def measure_importance(
         rasteriser: one to use again; a new one by default.
 
     Returns:
-        An unbiased estimate; of `removal` and `shown` the exact values. Results are the same bytes for any number of threads.
+        An unbiased estimate. Results are the same bytes for any number of threads.
     """
     rasteriser, rng = rasteriser or Rasteriser(), np.random.default_rng(seed)
     n, k, views = len(gaussians), gaussians.sh_rest.shape[1], max(sum(len(shot.cameras) for shot in shots), 1)
-    tails: dict[str, tuple[int, ...]] = {"opacity": (), "removal": ()}
-    sums = {name: np.zeros((n, *tails.get(name, (3,)))) for name in SUMMED}
-    shown, metric = np.zeros(n, np.float32), np.zeros((n, k + 1, k + 1), np.float32)
+    sums = {name: np.zeros((n, 3) if name != "opacity" else n) for name in SUMMED}
+    metric = np.zeros((n, k + 1, k + 1), np.float32)
     for shot in shots:
-        world = to_world(gaussians, shot.frames)
-        columns = np.zeros((n, k + 1, len(shot.cameras)), np.float32)
+        world = in_world(gaussians, shot)
+        columns = np.empty((n, len(shot.cameras), k + 1), np.float32)
         for view, camera in enumerate(shot.cameras):
             frame = draw(gaussians, world, camera, rasteriser)
-            ones = np.ones((1, *frame.transmittance.shape), np.float32)
-            sums["removal"] += rasteriser.removal_changes(frame, ones).squared[:, 0]
-            np.maximum(shown, rasteriser.largest_weights(frame), out=shown)
             signs = rng.integers(0, 2, frame.image.shape, np.int8)
             slopes = rasteriser.backward(frame, 2 * signs.astype(np.float32) - 1)
             weight = np.sqrt(np.mean(slopes.colours[:, :3] ** 2, axis=1, dtype=np.float64)).astype(np.float32)
             found = local_gradients(gaussians, shot.frames, world, frame, slopes)
             for name in ("position", "log_scale", "rotation", "opacity"):
-                sums[name] += getattr(found, name) ** 2
-            sums["sh_dc"] += (BASIS[0] * weight[:, None] * (frame.splats.colours > 0)) ** 2
-            columns[:, :, view] = harmonics_times(weight, world.means, camera, gaussians.sh_degree)
-        metric += columns @ columns.transpose(0, 2, 1)
-    metric /= np.float32(views)
+                add_squares(sums[name].reshape(n, -1), getattr(found, name).reshape(n, -1))
+            add_squares(sums["sh_dc"], np.float32(BASIS[0]) * weight[:, None] * (frame.splats.colours > 0))
+            columns[:, view] = harmonics_times(weight, world.means, camera, gaussians.sh_degree)
+        add_outer_products(metric, columns)
+    mirror(metric, np.float32(1 / views))
     diagonal = np.diagonal(metric[:, 1:, 1:], axis1=1, axis2=2)
     rest = np.repeat(diagonal[:, :, None], 3, axis=2).astype(np.float64)
     means = {name: total / views for name, total in sums.items()}
-    return GaussianImportance(**means, sh_rest=rest, shown=shown, colour_metric=metric)
+    return GaussianImportance(**means, sh_rest=rest, colour_metric=metric)
 
 
 def harmonics_times(
@@ -145,9 +143,10 @@ def local_gradients(
     cut = sh_colours_backward(
         gaussians.sh_rest, world.means, centre, gaussians.sh_degree, colours, slopes.colours, slopes.means
     )
-    alpha = world.opacities
+    alpha, position = world.opacities, np.empty_like(slopes.means)
+    turn_back(slopes.means, face, frames.rotation, frames.scale, position)
     return LocalGradients(
-        position=(slopes.means[:, None, :] @ frames.rotation[face])[:, 0] * frames.scale[face, None],
+        position=position,
         log_scale=slopes.scales * world.scales,
         rotation=turn_gradient(world.quaternions, slopes.quaternions),
         opacity=slopes.opacities * (2 * np.sqrt(alpha * (1 - alpha))),

@@ -79,7 +79,7 @@ class RenderingEncoder:
         avatar.gaussians.validate(head.n_faces)
         self._avatar, self.head, self._embed, self._seed = avatar, head, embed_head, seed
         self.pruning_bits, self._rasteriser = pruning_bits, Rasteriser()
-        self._factors = np.ones(len(avatar.gaussians)) if factors is None else factors
+        self._factors = factors
         self._measured: tuple[Grounds, GaussianImportance] | None = None
 
     def prepare(self, level: int | Level) -> Prepared:
@@ -95,7 +95,8 @@ class RenderingEncoder:
         chosen = level if isinstance(level, Level) else level_named(level)
         _, importance = self._measure()
         left = replace(self._avatar, gaussians=self._avatar.gaussians.select(rows))
-        return Prepared(left, chosen, rows, importance.weighted(self._factors).select(rows))
+        worth = importance.select(rows)
+        return Prepared(left, chosen, rows, worth if self._factors is None else worth.weighted(self._factors[rows]))
 
     def encode(self, level: int | Level) -> Encoded:
         """Encode at a level.

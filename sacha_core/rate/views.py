@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from sacha_core.avatar.motion import Motion
 from sacha_core.errors import GeometryError, OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import Poser
+from sacha_core.geometry import quaternion
 from sacha_core.geometry.triangle import TriangleFrames, triangle_frames
 from sacha_core.raster.camera import Camera
 from sacha_core.synthesis.acting import act
@@ -43,6 +45,11 @@ class Shot:
 
     frames: TriangleFrames
     cameras: tuple[Camera, ...]
+
+    @cached_property
+    def quaternions(self) -> Float[np.ndarray, "f 4"]:
+        """Give the rotation of each triangle, wxyz."""
+        return quaternion.from_matrix(self.frames.rotation)
 
 
 def protocol_shots(avatar: Avatar, head: HeadModel, n_frames: int = 12, share: float = 1.0) -> tuple[Shot, ...]:
@@ -78,12 +85,10 @@ def measuring_shots(avatar: Avatar, head: HeadModel, n_cameras: int, n_frames: i
         n_frames: poses.
     """
     motion = avatar.motion if avatar.motion is not None and len(avatar.motion) else stock_motion(head)
-    pose = Poser(head, motion)
-    shots = []
-    for place, time in enumerate(different_frames(motion, n_frames)):
-        views = [azimuth_and_elevation(place * n_cameras + camera) for camera in range(n_cameras)]
-        shots.append(shot_of(avatar, head, pose, time, views, 0.5))
-    return tuple(shots)
+    times = different_frames(motion, n_frames)
+    views = [azimuth_and_elevation(view) for view in range(len(times) * n_cameras)]
+    each = [views[place * n_cameras : (place + 1) * n_cameras] for place in range(len(times))]
+    return shots_of(avatar, head, motion, times, each, 0.5)
 
 
 def azimuth_and_elevation(view: int) -> tuple[float, float]:
@@ -132,22 +137,31 @@ def ring_shots(
     """
     if not 0 < share <= 1:
         raise OptionError(f"the share of the resolution is {share:g}, expected above 0 and at most 1")
-    pose = Poser(head, motion)
-    return tuple(shot_of(avatar, head, pose, time, views, share) for time in times)
+    return shots_of(avatar, head, motion, times, [views] * len(times), share)
 
 
-def shot_of(
-    avatar: Avatar, head: HeadModel, pose: Poser, time: int, views: Sequence[tuple[float, float]], share: float
-) -> Shot:
-    """Pose a frame and set up its cameras, which go where the head goes."""
-    rest, vertices = pose.template, pose(time)
-    try:
-        middle = middle_of(avatar, triangle_frames(rest, head.faces))
-        frames = triangle_frames(vertices, head.faces)
-    except GeometryError as error:
-        raise GeometryError(f"frame {time} of the motion: {error}") from error
-    target = middle + (vertices.mean(axis=0, dtype=np.float64) - rest.mean(axis=0, dtype=np.float64))
-    return Shot(frames, tuple(placed(target, *view, share) for view in views))
+def shots_of(
+    avatar: Avatar,
+    head: HeadModel,
+    motion: Motion,
+    times: Sequence[int],
+    views: Sequence[Sequence[tuple[float, float]]],
+    share: float,
+) -> tuple[Shot, ...]:
+    """Pose frames and set up the cameras of each, which go where the head goes."""
+    pose, shots = Poser(head, motion), list[Shot]()
+    centre = pose.template.mean(axis=0, dtype=np.float64)
+    for time, mine in zip(times, views, strict=True):
+        try:
+            if not shots:
+                middle = middle_of(avatar, triangle_frames(pose.template, head.faces))
+            vertices = pose(time)
+            frames = triangle_frames(vertices, head.faces)
+        except GeometryError as error:
+            raise GeometryError(f"frame {time} of the motion: {error}") from error
+        target = middle + (vertices.mean(axis=0, dtype=np.float64) - centre)
+        shots.append(Shot(frames, tuple(placed(target, *view, share) for view in mine)))
+    return tuple(shots)
 
 
 def middle_of(avatar: Avatar, rest: TriangleFrames) -> Float[np.ndarray, "3"]:

@@ -17,12 +17,12 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.avatar.avatar import Avatar
-from sacha_core.avatar.binding import to_world
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.flame.model import HeadModel
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.rate.curvature import draw
 from sacha_core.rate.views import Shot, measuring_shots, stock_motion
+from sacha_core.rate.world import in_world
 
 __all__ = ["PRUNING_BITS", "Grounds", "grounds_for", "prune", "removal_errors"]
 
@@ -67,7 +67,7 @@ def removal_errors(
     """Give the squared change of pictures when each Gaussian alone is left out: summed over pixels and channels, mean over views."""
     rasteriser, total = rasteriser or Rasteriser(), np.zeros(len(gaussians))
     for shot in shots:
-        world = to_world(gaussians, shot.frames)
+        world = in_world(gaussians, shot)
         for camera in shot.cameras:
             frame = draw(gaussians, world, camera, rasteriser)
             ones = np.ones((1, *frame.transmittance.shape), np.float32)

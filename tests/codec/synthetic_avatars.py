@@ -140,9 +140,7 @@ def random_importance(gaussians: Gaussians, seed: int = 0) -> GaussianImportance
 
     basis = rng.normal(0, 1, (n, 6, k + 1))
     metric = np.einsum("nvi,nvj->nij", basis, basis) * worth[:, None, None]
-    return GaussianImportance(
-        of(3), of(3), of(3), of(), of(3), of(k, 3), of(), np.minimum(worth / worth.max(), 1), metric.astype(np.float32)
-    )
+    return GaussianImportance(of(3), of(3), of(3), of(), of(3), of(k, 3), metric.astype(np.float32))
 
 
 def world_vertex_avatar(head: HeadModel, seed: int = 0) -> Avatar:

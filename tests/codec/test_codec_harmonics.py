@@ -56,7 +56,7 @@ def metric_for(n: int, n_harmonics: int, classes: Classes, seed: int | None = No
     if seed is not None:
         seen = np.random.default_rng(seed).normal(0, 1, (n, 5, n_harmonics + 1)).astype(np.float32)
         measured = np.einsum("nvi,nvj->nij", seen, seen)
-    return weigh(measured, ring_metric(None, n_harmonics + 1), HARMONIC_RULE, classes)
+    return weigh(measured, None, n_harmonics + 1, HARMONIC_RULE, classes)
 
 
 def coded(n: int, n_harmonics: int = 15, exponent: int = 0, seed: int | None = None):

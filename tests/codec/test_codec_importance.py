@@ -14,7 +14,7 @@ from sacha_core.errors import FormatError
 
 def importance_of(n: int, k: int, seed: int = 0) -> GaussianImportance:
     rng = np.random.default_rng(seed)
-    shapes = {"opacity": (n,), "removal": (n,), "shown": (n,), "sh_rest": (n, k, 3), "colour_metric": (n, k + 1, k + 1)}
+    shapes = {"opacity": (n,), "sh_rest": (n, k, 3), "colour_metric": (n, k + 1, k + 1)}
     return GaussianImportance(**{f.name: rng.random(shapes.get(f.name, (n, 3))) for f in fields(GaussianImportance)})
 
 
@@ -41,7 +41,7 @@ def test_axes_follow_those_of_the_sorted_gaussian() -> None:
     [
         ({"opacity": np.zeros(4)}, "importance opacity has 4 rows, expected 5"),
         ({"position": np.zeros((5, 2))}, r"importance position has shape \(5, 2\)"),
-        ({"removal": np.array([0, 0, np.nan, 0, 0])}, "importance removal of Gaussian 2 is negative or not finite"),
+        ({"opacity": np.array([0, 0, np.nan, 0, 0])}, "importance opacity of Gaussian 2 is negative or not finite"),
         ({"sh_dc": np.full((5, 3), -1.0)}, "importance sh_dc of Gaussian 0 is negative or not finite"),
         ({"sh_rest": np.zeros((5, 3, 3))}, "importance sh_rest is of 3 coefficients, expected 8"),
         ({"colour_metric": np.zeros((5, 4, 4))}, r"importance colour_metric is of \(4, 4\), expected \(9, 9\)"),

@@ -26,10 +26,9 @@ def importance_for(n: int, k: int, seed: int = 0) -> GaussianImportance:
         name: seen.reshape((n,) + (1,) * len(tail)) * rng.exponential(1.0, (n, *tail))
         for name, tail in (
             ("position", (3,)), ("log_scale", (3,)), ("rotation", (3,)), ("opacity", ()), ("sh_dc", (3,)), ("sh_rest", (k, 3)),
-            ("removal", ()),
         )
     }  # fmt: skip
-    return GaussianImportance(**found, shown=rng.uniform(0, 1, n))
+    return GaussianImportance(**found)
 
 
 def test_hidden_classes_even_out_what_gaussians_cost():

@@ -130,20 +130,6 @@ def test_the_metric_tells_what_changes_of_all_coefficients_cost(head: HeadModel,
         assert error @ found.colour_metric[row] @ error == pytest.approx(expected, rel=SPREAD)
 
 
-def test_removal_and_largest_weight_are_those_of_drawing_without(head: HeadModel, rasteriser: Rasteriser) -> None:
-    """Oracles: drawing the rest; drawing the Gaussian in white on black, all others black."""
-    gaussians, shot = scene(head)
-    found, camera = measure_importance(gaussians, [shot], rasteriser=rasteriser), shot.cameras[0]
-    before = render_avatar(gaussians, shot.frames, camera, rasteriser=rasteriser).colour.astype(np.float64)
-    for row in range(len(gaussians)):
-        others = np.arange(len(gaussians)) != row
-        without = render_avatar(gaussians.select(others), shot.frames, camera, rasteriser=rasteriser).colour
-        assert found.removal[row] == pytest.approx(((without - before) ** 2).sum(), rel=EXACT)
-        lit = np.where(others, np.float32(0), np.float32(1))[:, None]
-        weight = render_avatar(gaussians, shot.frames, camera, 0.0, colours=lit, rasteriser=rasteriser).colour
-        assert found.shown[row] == pytest.approx(weight.max(), abs=1e-6)
-
-
 def test_an_avatar_is_measured_in_its_own_or_in_stock_poses(head: HeadModel) -> None:
     """The same bytes for the same seed; and a Gaussian that nobody can see is worth nothing."""
     gaussians, _ = scene(head)
@@ -154,5 +140,5 @@ def test_an_avatar_is_measured_in_its_own_or_in_stock_poses(head: HeadModel) -> 
     found.validate(len(gaussians), 3)
     for f in fields(found):
         np.testing.assert_array_equal(getattr(found, f.name), getattr(again, f.name))
-    assert found.removal[4] == found.shown[4] == found.sh_dc[4].sum() == 0
-    assert (np.delete(found.shown, 4) > 0.05).all()
+    assert found.opacity[4] == found.sh_dc[4].sum() == 0
+    assert (np.delete(found.opacity, 4) > 0).all()
