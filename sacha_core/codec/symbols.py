@@ -94,8 +94,7 @@ class SymbolReader:
         if n_tables > MAX_TABLES:
             raise reader.error(f"{n_tables} tables, at most {MAX_TABLES} are allowed")
         offset = reader.offset
-        table_of, self._tables = read_tables(reader.take(table_bytes), n_contexts, n_tables, offset)
-        self._table_of = table_of
+        self._table_of, self._tables = read_tables(reader.take(table_bytes), n_contexts, n_tables, offset)
         direct = token_split.DIRECT
         self._far = any(first <= -direct or first + len(grades) > direct for first, grades in self._tables)
         self._bits = np.unpackbits(np.frombuffer(reader.take(bit_bytes), np.uint8))
@@ -108,9 +107,9 @@ class SymbolReader:
             raise reader.error("the last coded word is zero, which no encoder writes")
         self._loops = compiled_loops("tokens", TOKENS_PER_WORD * len(words))
         self._stack = (
-            CompiledStack(words, self._tables, table_of, self._loops)
+            CompiledStack(words, self._tables, self._table_of, self._loops)
             if self._loops
-            else PlainStack(words, self._tables, table_of)
+            else PlainStack(words, self._tables, self._table_of)
         )
 
     def read(self, contexts: Int[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:

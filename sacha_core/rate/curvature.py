@@ -99,7 +99,7 @@ def measure_importance(
             weight = np.sqrt(np.mean(slopes.colours[:, :3] ** 2, axis=1, dtype=np.float64)).astype(np.float32)
             found = local_gradients(gaussians, shot.frames, world, frame, slopes)
             for name in ("position", "log_scale", "rotation", "opacity"):
-                add_squares(sums[name].reshape(n, -1), getattr(found, name).reshape(n, -1))
+                add_squares(in_columns(sums[name]), in_columns(getattr(found, name)))
             add_squares(sums["sh_dc"], np.float32(BASIS[0]) * weight[:, None] * (frame.splats.colours > 0))
             columns[:, view] = harmonics_times(weight, world.means, camera, gaussians.sh_degree)
         add_outer_products(metric, columns)
@@ -108,6 +108,11 @@ def measure_importance(
     rest = np.repeat(diagonal[:, :, None], 3, axis=2).astype(np.float64)
     means = {name: total / views for name, total in sums.items()}
     return GaussianImportance(**means, sh_rest=rest, colour_metric=metric)
+
+
+def in_columns(values: Float[np.ndarray, "n ..."]) -> Float[np.ndarray, "n c"]:
+    """Give values of one number a row as a column."""
+    return values if values.ndim == 2 else values[:, None]
 
 
 def harmonics_times(
