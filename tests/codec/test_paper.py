@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from synthetic_avatars import HEAD, random_avatar, random_gaussians, random_motion
+from tool_stand_in import executable
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
@@ -33,7 +33,6 @@ from sacha_core.codec.paper_tree import decode_points, encode_points
 from sacha_core.codec.reading import ByteReader
 from sacha_core.errors import FormatError, OptionError
 
-FAKE = Path(__file__).parent / "fake_tmc3.py"
 HALF_A_STEP = {
     "expression": 5e-3 / 2,
     "rotation": 2.5e-4 / 2,
@@ -144,14 +143,6 @@ def test_levels_are_the_four_rate_points():
 def program(request, tmp_path):
     """The stand-in as an executable file, under a name by which it knows which program to be."""
     return executable(tmp_path / request.param)
-
-
-def executable(path: Path) -> Path:
-    path.write_text(
-        f'#!/bin/sh\nexec "{sys.executable}" -c "import sys; sys.argv[0] = \\"$0\\"; exec(open(\\"{FAKE}\\").read())" "$@"\n'
-    )
-    path.chmod(0o755)
-    return path
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the stand-in is a shell script")
