@@ -64,7 +64,8 @@ class Options:
     """Go by rules alone, without looking at pictures to tell what is worth its bits: quicker, and a larger file."""
 
     weights: Annotated[MaybeWeights, tyro.conf.arg(metavar="REGION=FACTOR...", help_behavior_hint="")] = None
-    """How many times as much an error counts in a region: mouth=4 eyes=4. Its bytes come from the others."""
+    """How many times as much an error counts in a region: mouth=4 eyes=4. Its bytes come from the others. `learned` weighs regions as
+    training found them sensitive (one over their modulators), `learned=4` more so: of avatars that have it."""
 
     tune: bool = False
     """Fit the avatar through the quantiser to its own pictures, for about a minute: the same bytes look better."""

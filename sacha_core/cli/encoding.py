@@ -10,7 +10,7 @@ from sacha_core.errors import OptionError
 
 if TYPE_CHECKING:
     import numpy as np
-    from jaxtyping import Float
+    from jaxtyping import Float, Int
 
     from sacha_core.avatar.avatar import Avatar
     from sacha_core.cli.console import Console
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["Made", "make", "require_consistent"]
 
 USUAL_LEVEL = 2
+LEARNED, MOST_POWER = "learned", 16  # weights by what training learnt
 FINER_STEP, MOST_STEPS = 0.04, 12  # levels: how a fitted file that came out too large is made smaller
 
 
@@ -124,10 +125,39 @@ def region_factors(weights: Sequence[str] | None, avatar: Avatar, head: HeadMode
     if not weights:
         return None
     scheme = find_scheme(avatar.scheme)
+    regions = label_triangles(head, scheme)[avatar.gaussians.binding]
     by_label = np.ones(len(scheme.regions))
-    for label, factor in parsed_weights(weights, scheme).items():
+    said = [text for text in weights if text.partition("=")[0] != LEARNED]
+    for label, factor in parsed_weights(said, scheme).items():
         by_label[label] = factor
-    return np.asarray(by_label[label_triangles(head, scheme)[avatar.gaussians.binding]])
+    for text in weights:
+        if text not in said:
+            by_label *= learned_factors(text, avatar, regions, len(by_label))
+    return np.asarray(by_label[regions])
+
+
+def learned_factors(
+    text: str, avatar: Avatar, regions: Int[np.ndarray, " n"], n_regions: int
+) -> Float[np.ndarray, " r"]:
+    """Give by region how much an error counts by what training learnt: one over its modulator, to the power that `text` names.
+
+    Raises:
+        OptionError: the power is no number of 0 to 16, or the avatar has no sensitivities.
+    """
+    from sacha_core.avatar.binding import sigmoid
+    from sacha_core.density.modulators import modulators
+    from sacha_core.density.region_means import region_means
+
+    try:
+        power = float(text.partition("=")[2] or 1)
+    except ValueError:
+        power = -1.0
+    if not 0 <= power <= MOST_POWER:
+        raise OptionError(f"--weights {text}: expected {LEARNED} or {LEARNED}=POWER with a power of 0 to {MOST_POWER}")
+    logits = avatar.gaussians.sensitivity_logit
+    if logits is None:
+        raise OptionError(f"--weights {text}: the avatar has no sensitivities; a trained model and its archive have")
+    return np.asarray(modulators(region_means(sigmoid(logits), regions, n_regions)) ** -power)
 
 
 def fitted(

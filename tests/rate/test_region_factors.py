@@ -22,6 +22,7 @@ from sacha_core.regions.scheme import PAPER
 
 FACTOR = 8
 GAINED_DB = 1.0  # at least, in the region, at no more bytes; 4 dB are usual on a trained avatar
+FLOAT32 = 1e-5  # of a sigmoid in float32
 
 
 @pytest.fixture(scope="module")
@@ -77,3 +78,25 @@ def test_what_is_no_weight_of_a_region_is_refused(avatar, head, weight):
 
 def test_no_weights_are_no_factors(avatar, head):
     assert region_factors([], avatar, head) is None
+
+
+def test_learned_weights_are_one_over_the_modulators(avatar, head):
+    """Oracle: equation 8 of the paper, region by region."""
+    rng = np.random.default_rng(3)
+    logits = rng.normal(0, 2, len(avatar.gaussians)).astype(np.float32)
+    learned = replace(avatar, gaussians=replace(avatar.gaussians, sensitivity_logit=logits))
+    regions, a = label_triangles(head)[avatar.gaussians.binding], 1 / (1 + np.exp(-logits.astype(np.float64)))
+    expected = np.zeros(len(a))
+    for region in np.unique(regions):
+        expected[regions == region] = (a[regions == region].mean() / a.mean()) ** 2
+    np.testing.assert_allclose(region_factors(["learned=2"], learned, head), expected, rtol=FLOAT32)
+    np.testing.assert_array_equal(region_factors(["learned=0"], learned, head), 1)
+    mouth = regions == PAPER.label("mouth")
+    both = region_factors(["learned=2", "mouth=3"], learned, head)
+    np.testing.assert_allclose(both, np.where(mouth, 3, 1) * expected, rtol=FLOAT32)
+
+
+@pytest.mark.parametrize("weight", ["learned", "learned=much", "learned=-1", "learned=17"])
+def test_what_was_not_learnt_is_no_weight(avatar, head, weight):
+    with pytest.raises(OptionError, match="learned"):
+        region_factors([weight], avatar, head)
