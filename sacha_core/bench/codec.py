@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
-from jaxtyping import Float
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.bench.clock import LEAST_ROUNDS, Times, interleave
@@ -21,20 +20,20 @@ from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import Poser
 from sacha_core.geometry.triangle import triangle_frames
-from sacha_core.perception.psnr import psnr
+from sacha_core.perception.psnr import psnr_over
 from sacha_core.progress import Progress, Report
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.scene import Picture, render_avatar
+from sacha_core.rate.judging import COVERED
 
-__all__ = ["TITLE", "measure", "own_pixels_psnr"]
+__all__ = ["TITLE", "measure"]
 
 TITLE = "Codec: level against bytes, picture and time"
 KB = 1000
 DEFAULT_LEVEL = 2
 GIB_A_GAUSSIAN = 6e-6  # that encoding takes, at its peak
 ONCE = 500_000  # Gaussians from which the quick preset times a single round
-SEEN = 1 / 255  # coverage from which a pixel is the avatar's
 
 TIMES = (Column("encode_ms", "encode, ms"), Column("decode_ms", "decode, ms"))
 LEVELS_TABLE = Table(
@@ -185,9 +184,7 @@ def pictures(
 
 def own_pixels_psnr(before: Picture, after: Picture) -> float:
     """Give PSNR over the pixels that the avatar covers in either picture, decibels: the empty background would flatter it."""
-    own = (before.alpha > SEEN) | (after.alpha > SEEN)
-    one: Float[np.ndarray, "1 p 3"] = before.colour[own][None]
-    return psnr(after.colour[own][None], one)
+    return psnr_over(after.colour, before.colour, (before.alpha > COVERED) | (after.alpha > COVERED))
 
 
 def panels() -> tuple[Panel, ...]:

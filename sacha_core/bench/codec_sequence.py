@@ -11,7 +11,6 @@ import numpy as np
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.binding import to_world
 from sacha_core.avatar.gaussians import Gaussians
-from sacha_core.bench.codec_scene import COVERED, cameras_of, own_psnr
 from sacha_core.bench.preset import Preset, Subject
 from sacha_core.bench.result import Row
 from sacha_core.codec import decode, inspect
@@ -22,10 +21,13 @@ from sacha_core.evaluate.peers.peer import Ground, visible
 from sacha_core.evaluate.peers.registry import find_peer
 from sacha_core.flame.posing import Poser
 from sacha_core.geometry.triangle import TriangleFrames, triangle_frames
+from sacha_core.perception.psnr import psnr_over
 from sacha_core.progress import Progress, Report
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.scene import render_avatar
 from sacha_core.rate.encoding import encode_by_rendering
+from sacha_core.rate.judging import COVERED
+from sacha_core.rate.views import PROTOCOL_VIEWS, Shot, ring_shots
 
 __all__ = ["sequence_rows"]
 
@@ -33,6 +35,7 @@ KB = 1000
 IN_THE_WORLD = TriangleFrames(np.eye(3, dtype=np.float32)[None], np.ones(1, np.float32), np.zeros((1, 3), np.float32))
 LEVELS = (1, 2, 3)
 ROWS = {"trained": (1, 3, 5), "dense": (1, 3, 5)}
+EVERY_CAMERA = 5  # of the protocol
 RATES = ("r02", "f2", "f4")
 ENOUGH = (
     3  # frames by G-PCC, whose frames do not depend on each other and take minutes each on an avatar with harmonics
@@ -45,12 +48,12 @@ class Clip:
 
     Args:
         avatar: with these frames as its motion.
-        poses: frames of the triangles in each.
+        shots: each posed, and the cameras that look at it.
         splats: (t) the posed avatar of each frame as splats in the world.
     """
 
     avatar: Avatar
-    poses: list[TriangleFrames]
+    shots: tuple[Shot, ...]
     splats: list[Gaussians]
 
 
@@ -59,8 +62,7 @@ def sequence_rows(
 ) -> list[Row]:
     """Code some frames from the middle of the motion both ways."""
     count = preset.of(2, 4, 10)
-    clip = make_clip(subject, count)
-    cameras = cameras_of(subject.avatar.gaussians, subject.head, 0.1 if preset.extent == "tiny" else 1.0)[::5]
+    clip = make_clip(subject, count, 0.1 if preset.extent == "tiny" else 1.0)
     ground, rows = Ground(subject.head), list[Row]()
     table = "trained" if subject.avatar.gaussians.sh_degree else "dense"
     every = 1 if preset.extent == "full" else 2
@@ -89,31 +91,30 @@ def sequence_rows(
         row["encode_s"] = time.perf_counter() - begun
         ratios = []
         for frame in range(done):
-            for camera in cameras:
-                drawn = render_avatar(subject.avatar.gaussians, clip.poses[frame], camera, rasteriser=rasteriser)
+            for camera in clip.shots[frame].cameras:
+                drawn = render_avatar(subject.avatar.gaussians, clip.shots[frame].frames, camera, rasteriser=rasteriser)
                 own = drawn.alpha > COVERED
                 back = render_avatar(splats[frame], poses[frame], camera, rasteriser=rasteriser)
-                ratios.append(own_psnr(np.clip(back.colour, 0, 1), np.clip(drawn.colour, 0, 1), own))
+                ratios.append(psnr_over(back.colour, drawn.colour, own))
         rows.append({**row, "psnr": float(np.mean(ratios))})
     report(Progress("code a sequence", len(work), len(work)))
     return rows
 
 
-def make_clip(subject: Subject, count: int) -> Clip:
+def make_clip(subject: Subject, count: int, scale: float) -> Clip:
     """Cut frames from the middle of the motion and pose the avatar."""
     motion = subject.avatar.motion
     assert motion is not None
     first = max((len(motion) - count) // 2, 0)
     short = motion.frames(slice(first, first + count))
-    pose = Poser(subject.head, short)
-    poses = [triangle_frames(pose(frame), subject.head.faces) for frame in range(len(short))]
+    shots = ring_shots(subject.avatar, subject.head, short, range(len(short)), PROTOCOL_VIEWS[::EVERY_CAMERA], scale)
     seen = visible(subject.avatar.gaussians)
     splats = []
-    for frames in poses:
-        world = to_world(seen, frames)
+    for shot in shots:
+        world = to_world(seen, shot.frames)
         scales = np.log(np.maximum(world.scales, np.finfo(np.float32).tiny))
         splats.append(replace(seen, position=world.means, log_scale=scales, quaternion=world.quaternions))
-    return Clip(replace(subject.avatar, motion=short), poses, splats)
+    return Clip(replace(subject.avatar, motion=short), shots, splats)
 
 
 Route = tuple[str, int, float, list[TriangleFrames], list[Gaussians]]

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from sacha_core.avatar.gaussians import Gaussians
-from sacha_core.bench.codec_scene import COVERED, Scene, cameras_of, own_psnr
+from sacha_core.bench.codec_scene import Scene
 from sacha_core.bench.preset import Subject
 from sacha_core.evaluate.peers.ours import NAME as OURS
 from sacha_core.evaluate.peers.registry import find_peer
@@ -21,9 +21,12 @@ from sacha_core.geometry.triangle import TriangleFrames, triangle_frames
 from sacha_core.interchange.capture import Capture
 from sacha_core.perception.flip import flip_map
 from sacha_core.perception.flip import missing as flip_lacks
+from sacha_core.perception.psnr import psnr_over
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.scene import render_avatar
+from sacha_core.rate.judging import COVERED
+from sacha_core.rate.views import PROTOCOL_VIEWS, ring_shots
 
 if TYPE_CHECKING:
     from sacha_core.bench.codec_compare import Judged
@@ -105,12 +108,15 @@ def view_of(
     subject: Subject, scene: Scene, truth: Capture | None
 ) -> tuple[TriangleFrames, Camera, Float[np.ndarray, "h w 3"] | None]:
     """Give pose and camera: those of the first held-out image of a capture, or the protocol's front camera in the middle of the motion."""
-    if truth is None or not truth.val:
-        cameras = cameras_of(scene.gaussians, subject.head, 1.0 if scene.cameras[0].width > 400 else 0.2)
-        return scene.poses[len(scene.poses) // 2], cameras[FRONT], None
-    view = truth.val[len(truth.val) // 2]
     motion = subject.avatar.motion
     assert motion is not None
+    if truth is None or not truth.val:
+        share = 1.0 if scene.shots[0].cameras[0].width > 400 else 0.2
+        shot = ring_shots(
+            subject.avatar, subject.head, motion, [len(motion) // 2], PROTOCOL_VIEWS[FRONT : FRONT + 1], share
+        )[0]
+        return shot.frames, shot.cameras[0], None
+    view = truth.val[len(truth.val) // 2]
     frames = triangle_frames(Poser(subject.head, motion)(min(view.timestep, len(motion) - 1)), subject.head.faces)
     return frames, view.camera, truth.image(view).astype(np.float32) / 255
 
@@ -130,7 +136,7 @@ def nearest(judged: Sequence[Judged], n_bytes: int) -> list[Judged]:
 
 def panel_of(one: Judged, picture: Float[np.ndarray, "h w 3"], look: Look) -> Panel:
     """Set a picture with its bytes and its figures."""
-    ratio = own_psnr(picture, look.uncompressed, look.own)
+    ratio = psnr_over(picture, look.uncompressed, look.own)
     flip = (
         "" if flip_lacks() is not None else f", FLIP {float(flip_map(picture, look.uncompressed)[look.own].mean()):.4f}"
     )

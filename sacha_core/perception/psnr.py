@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 
-__all__ = ["psnr"]
+__all__ = ["psnr", "psnr_over"]
 
+LEAST_ERROR = 1e-12  # mean squared
 Image = Float[np.ndarray, "_ _ _"] | UInt8[np.ndarray, "_ _ _"]  # (h, w, c); that two agree is checked where it matters
 
 
@@ -31,7 +32,24 @@ def psnr(image: Image, reference: Image) -> float:
     return float("inf") if error == 0 else float(-10 * np.log10(error))
 
 
-def unit_range(image: Image) -> Float[np.ndarray, "h w c"]:
+def psnr_over(image: Image, reference: Image, pixels: Bool[np.ndarray, "h w"]) -> float:
+    """Peak signal-to-noise ratio over some pixels.
+
+    Args:
+        image: as of `psnr`.
+        reference: likewise.
+        pixels: (h, w) which ones count.
+
+    Returns:
+        Decibels; 120, so that means stay finite, where hardly anything differs or no pixel counts.
+
+    Source: definition.
+    """
+    error = np.square(unit_range(image[pixels]) - unit_range(reference[pixels]))
+    return float(-10 * np.log10(max(float(error.mean()) if error.size else 0.0, LEAST_ERROR)))
+
+
+def unit_range(image: Float[np.ndarray, "*shape"] | UInt8[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
     """Give the image in float64 within [0, 1]; uint8 is divided by 255."""
     scaled = image / 255.0 if image.dtype == np.uint8 else np.asarray(image, np.float64)
     return np.clip(scaled, 0.0, 1.0)

@@ -8,21 +8,22 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from sacha_core.avatar.avatar import Avatar
-from sacha_core.avatar.binding import to_world
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.flame.model import HeadModel
+from sacha_core.perception.psnr import psnr_over
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.rate.curvature import draw
 from sacha_core.rate.views import Shot, protocol_shots
+from sacha_core.rate.world import in_world
 
-__all__ = ["Judge"]
+__all__ = ["COVERED", "Judge"]
 
 COVERED = 0.01  # alpha of pixels that are the avatar's own
 QUICK_CAMERAS = 2  # of the sixteen, other ones for each pose
-LEAST_ERROR = 1e-12  # mean squared: 120 dB
+NOTHING_DB = 120.0  # where there is nothing to see
 
-Truth = tuple[Bool[np.ndarray, "h w"], Float[np.ndarray, "m 3"]]  # own pixels, and their colours
+Truth = tuple[Bool[np.ndarray, "h w"], Float[np.ndarray, "h w 3"]]  # own pixels, and the picture
 
 
 class Judge:
@@ -53,34 +54,33 @@ class Judge:
         """Give the PSNR over an eighth of the views, whose truth is drawn once."""
         if not self._kept:
             self._kept = [self._truth_of(shot, camera) for shot in self._quick_shots for camera in shot.cameras]
-        return mean_psnr(self._colours(gaussians, self._quick_shots, self._kept))
+        return mean_of(self._ratios(gaussians, self._quick_shots, self._kept))
 
     def full(self, gaussians: Gaussians) -> float:
         """Give the PSNR over all 16 views of up to 12 poses."""
-        errors = []
+        ratios = []
         for shot in self._shots:
             truth = [self._truth_of(shot, camera) for camera in shot.cameras]
-            errors += self._colours(gaussians, (shot,), truth)
-        return mean_psnr(errors)
+            ratios += self._ratios(gaussians, (shot,), truth)
+        return mean_of(ratios)
 
     def _truth_of(self, shot: Shot, camera: Camera) -> Truth:
-        frame = draw(self._truth, to_world(self._truth, shot.frames), camera, self._rasteriser)
-        own = frame.transmittance < 1 - COVERED
-        return own, np.clip(frame.image[:, own].T, 0, 1)
+        frame = draw(self._truth, in_world(self._truth, shot), camera, self._rasteriser)
+        return frame.transmittance < 1 - COVERED, frame.image.transpose(1, 2, 0).copy()
 
-    def _colours(self, gaussians: Gaussians, shots: Sequence[Shot], truth: Sequence[Truth]) -> list[float]:
-        """Give the mean squared error of each view in which there is something to see."""
-        errors, known = [], iter(truth)
+    def _ratios(self, gaussians: Gaussians, shots: Sequence[Shot], truth: Sequence[Truth]) -> list[float]:
+        """Give the PSNR of each view in which there is something to see."""
+        ratios, known = [], iter(truth)
         for shot in shots:
-            world = to_world(gaussians, shot.frames)
+            world = in_world(gaussians, shot)
             for camera in shot.cameras:
-                own, colours = next(known)
-                found = np.clip(draw(gaussians, world, camera, self._rasteriser).image[:, own].T, 0, 1)
-                if len(found):
-                    errors.append(float(np.mean(np.square(found - colours), dtype=np.float64)))
-        return errors
+                own, picture = next(known)
+                if own.any():
+                    found = draw(gaussians, world, camera, self._rasteriser).image.transpose(1, 2, 0)
+                    ratios.append(psnr_over(found, picture, own))
+        return ratios
 
 
-def mean_psnr(errors: Sequence[float]) -> float:
+def mean_of(ratios: Sequence[float]) -> float:
     """Give the mean of the decibels of views; those of no error where there is nothing to see."""
-    return float(-10 * np.mean(np.log10(np.maximum(errors or [0.0], LEAST_ERROR))))
+    return float(np.mean(ratios)) if ratios else NOTHING_DB

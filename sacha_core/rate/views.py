@@ -22,10 +22,11 @@ from sacha_core.raster.camera import Camera
 from sacha_core.synthesis.acting import act
 from sacha_core.train.state import FITTED_MOTION
 
-__all__ = ["AZIMUTHS_DEG", "ELEVATIONS_DEG", "Shot", "measuring_shots", "protocol_shots", "ring_shots", "stock_motion"]
+__all__ = ["PROTOCOL_VIEWS", "Shot", "measuring_shots", "protocol_shots", "ring_shots", "stock_motion"]
 
 AZIMUTHS_DEG = tuple(float(azimuth) for azimuth in np.linspace(-75, 75, 8))
 ELEVATIONS_DEG = (-8.0, 14.0)
+PROTOCOL_VIEWS = tuple((azimuth, elevation) for elevation in ELEVATIONS_DEG for azimuth in AZIMUTHS_DEG)
 DISTANCE_M, FOCAL_PIXELS, WIDTH, HEIGHT = 1.0, 1500.0, 550, 802  # the head fills two thirds of the picture's height
 REACH_DEG, BEHIND = 80.0, 6  # of the cameras that weigh numbers: to either side, and every which one looks from behind
 SHOWS = 0.1  # opacity of what counts for where the middle is
@@ -69,8 +70,7 @@ def protocol_shots(avatar: Avatar, head: HeadModel, n_frames: int = 12, share: f
     """
     motion = avatar.motion if avatar.motion is not None and len(avatar.motion) else stock_motion(head)
     times = np.unique(np.round(np.linspace(0, len(motion) - 1, n_frames)).astype(int))
-    views = [(azimuth, elevation) for elevation in ELEVATIONS_DEG for azimuth in AZIMUTHS_DEG]
-    return ring_shots(avatar, head, motion, times.tolist(), views, share)
+    return ring_shots(avatar, head, motion, times.tolist(), PROTOCOL_VIEWS, share)
 
 
 def measuring_shots(avatar: Avatar, head: HeadModel, n_cameras: int, n_frames: int = 12) -> tuple[Shot, ...]:

@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
+from sacha_core.codec.encoder import VISIBLE
 from sacha_core.codec.template import template_of
 from sacha_core.errors import SachaError
 from sacha_core.flame.model import HeadModel
@@ -23,7 +24,6 @@ __all__ = ["Domain", "Ground", "Parts", "Peer", "PeerError", "Setting", "enlarge
 
 Domain = Literal["local", "world", "mixed"]
 Parts = dict[str, bytes]
-VISIBLE = math.log((1 / 255) / (1 - 1 / 255))  # what covers less than a step of 8 bits no renderer draws
 
 
 class PeerError(SachaError):
