@@ -144,6 +144,8 @@ def learned_factors(
     Raises:
         OptionError: the power is no number of 0 to 16, or the avatar has no sensitivities.
     """
+    import numpy as np
+
     from sacha_core.avatar.binding import sigmoid
     from sacha_core.density.modulators import modulators
     from sacha_core.density.region_means import region_means
