@@ -25,8 +25,14 @@ from sacha_core.files import write_aside
 from sacha_core.flame.model import JOINTS
 from sacha_core.flame.teeth import is_flame
 from sacha_core.flame.unwrap import unwrapped
-from sacha_core.interchange.capture import write_head_reference
-from sacha_core.interchange.gaussian_avatars import for_their_viewer, write_model
+from sacha_core.interchange.capture import HEAD_JSON, write_head_reference
+from sacha_core.interchange.gaussian_avatars import (
+    ARGUMENTS_NAME,
+    PARAMETERS_NAME,
+    PLY_NAME,
+    for_their_viewer,
+    write_model,
+)
 from sacha_core.interchange.gltf_head import write_gltf_head
 from sacha_core.interchange.gltf_splats import write_gltf_splats
 from sacha_core.interchange.splat_ply import write_world_ply
@@ -175,7 +181,8 @@ def write_their_model(opened: Opened, options: Options, console: Console) -> lis
         )
     elif motion is None:
         console.say("note         GaussianAvatars' programs want a motion, too: --motion FILE puts one in")
-    return [path for path in sorted(folder.iterdir()) if path.is_file()]
+    written = [options.output / HEAD_JSON, options.output / ARGUMENTS_NAME, folder / PARAMETERS_NAME, folder / PLY_NAME]
+    return written if motion is not None else [path for path in written if path.name != PARAMETERS_NAME]
 
 
 FORMATS = {

@@ -120,6 +120,9 @@ def test_spz_comes_back_through_its_own_program(call, done, sacha_file: Path, tm
 def test_a_model_for_gaussian_avatars_comes_back(done, sacha_file: Path, tmp_path: Path) -> None:
     outcome = done("export", sacha_file, "--format", "gaussian-avatars", "-o", tmp_path / "model")
     assert "GaussianAvatars' programs pose FLAME alone" in outcome.out  # the tests' head is not FLAME
+    there = {path for path in (tmp_path / "model").rglob("*") if path.is_file()}
+    assert set(map(Path, outcome.report["files"])) == there
+    assert outcome.report["bytes"] == sum(path.stat().st_size for path in there)
     gaussians, motion = read_model(tmp_path / "model")
     avatar = decode(sacha_file, head=synthetic_head("small"))
     for name in ("position", "sh_dc", "quaternion", "binding"):
