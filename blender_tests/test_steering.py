@@ -185,15 +185,15 @@ def test_face_sets_become_regions_that_can_be_weighed_and_saved(avatar: bpy.type
 
 def test_materials_become_regions_in_their_colours(avatar: bpy.types.Object) -> None:
     mesh = avatar.data
-    for name, colour in (("Skin", (0.2, 0.4, 0.6, 1)), ("Front=1", (1, 0, 0, 1)), ("unused", (0, 0, 0, 1))):
+    for name, colour in (("Skin", (0.2, 0.4, 0.6, 1)), ("-Front=1", (1, 0, 0, 1)), ("unused", (0, 0, 0, 1))):
         material = bpy.data.materials.new(name)
         material.diffuse_color = colour
         mesh.materials.append(material)
     mesh.polygons.foreach_set("material_index", (np.arange(len(mesh.polygons)) < 100).astype(np.int32))
     bpy.ops.sacha.regions_from(kind="MATERIALS")
-    assert mesh.sacha.regions.keys() == ["Skin", "Front-1"]
+    assert mesh.sacha.regions.keys() == ["Skin", "Front_1"]
     assert mesh.sacha.regions["Skin"].colour[:] == pytest.approx((0.2, 0.4, 0.6), abs=0.004)  # as bytes have it
-    assert mesh.sacha.regions["Front-1"].triangles == 100
+    assert mesh.sacha.regions["Front_1"].triangles == 100
 
 
 def test_it_is_kept_with_the_file_and_shared_by_linked_duplicates(applied: bpy.types.Object) -> None:

@@ -100,5 +100,12 @@ def _srgb(linear: tuple[float, float, float]) -> tuple[int, int, int]:
 
 
 def _told_apart(names: list[str]) -> list[str]:
-    """Take out of names what the engine's command line cannot have."""
-    return ["".join("-" if letter in FORBIDDEN else letter for letter in name).strip() or "-" for name in names]
+    """Give each region a name of its own that the engine's command line can have."""
+    found: list[str] = []
+    for name in names:
+        plain = "".join("_" if letter in FORBIDDEN else letter for letter in name).strip(" -") or "region"
+        same, number = plain, 2
+        while same in found:
+            same, number = f"{plain} {number}", number + 1
+        found.append(same)
+    return found

@@ -14,7 +14,7 @@ from sacha_core.cli.prune_scores import stored_scores
 from sacha_core.errors import OptionError
 
 if TYPE_CHECKING:
-    from sacha_core.cli.pruned import Written
+    from sacha_core.cli.pruned import Pruned
 
 __all__ = ["INPUTS", "Options", "run", "stored_scores"]
 
@@ -130,26 +130,29 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     """
     from sacha_core.cli.prune_report import judge, region_table, report
     from sacha_core.cli.prune_scores import scores_of
-    from sacha_core.cli.pruned import write_pruned
+    from sacha_core.cli.pruned import prune, write_pruned
     from sacha_core.cli.sources import open_avatar
     from sacha_core.cli.steering import budget_of, partition_of
+    from sacha_core.interchange.capture import read_capture
 
     require_consistent(options)
     opened = open_avatar(options.avatar, options.head, options.motion)
     before = opened if options.before is None else open_avatar(options.before, options.head)
-    path, scores = scores_of(options, opened, console)
+    capture = None if options.dataset is None else read_capture(options.dataset)
+    path, scores = scores_of(options, opened, capture, console)
     partition = partition_of(opened.head, options.scheme, scores.scheme)
     budget = budget_of(options, len(scores.score), partition, opened.head)
-    written = write_pruned(options, opened, scores, partition, budget, console)
-    judged = judge(options, opened, before, written, partition, console)
-    n_kept, n_scored = len(written.found.rows), len(scores.score)
-    console.wrote("avatar", options.output, f"{n_kept:,} of {n_scored:,} Gaussians{size_of(written)}")
+    pruned = prune(options, opened, scores, partition, budget, console)
+    judged = judge(options, opened, before, pruned, capture, partition, console)
+    n_bytes = write_pruned(options, opened, pruned)
+    n_kept, n_scored = len(pruned.found.rows), len(scores.score)
+    console.wrote("avatar", options.output, f"{n_kept:,} of {n_scored:,} Gaussians{size_of(pruned)}")
     console.say(f"\n{region_table(judged)}")
-    if options.output.suffix.lower() != ".sacha":
+    if pruned.data is None:
         console.hint(f"sacha encode {encode_arguments(options)}")
     if options.scene is not None:
         lay_out(options, path)
-    return report(options, written, scores, path, partition, judged)
+    return report(options, pruned, n_bytes, scores, path, partition, judged)
 
 
 def require_consistent(options: Options) -> None:
@@ -187,12 +190,12 @@ def lay_out(options: Options, scores: Path) -> None:
     write_scene(open_scene(options.output, options.head, extras), options.scene)
 
 
-def size_of(written: Written) -> str:
+def size_of(pruned: Pruned) -> str:
     """Say how large the file is and how good."""
-    if written.quality is None:
+    if pruned.data is None:
         return ""
-    assert written.n_bytes is not None
-    return f", level {written.quality:g}, {kilobytes(written.n_bytes)}"
+    level = "archive" if pruned.quality is None else f"level {pruned.quality:g}"
+    return f", {level}, {kilobytes(len(pruned.data))}"
 
 
 def encode_arguments(options: Options) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sacha_core.cli.console import table
@@ -11,9 +12,10 @@ if TYPE_CHECKING:
     from sacha_core.avatar.gaussians import Gaussians
     from sacha_core.cli.console import Console
     from sacha_core.cli.prune import Options
-    from sacha_core.cli.pruned import Written
+    from sacha_core.cli.pruned import Pruned
     from sacha_core.cli.sources import Opened
     from sacha_core.density.scores_file import Scores
+    from sacha_core.interchange.capture import Capture
     from sacha_core.regions.partition import Partition
 
 __all__ = ["Row", "judge", "region_table", "report"]
@@ -23,7 +25,13 @@ Decibels = Sequence[float | None]
 
 
 def judge(
-    options: Options, opened: Opened, before: Opened, written: Written, partition: Partition, console: Console
+    options: Options,
+    opened: Opened,
+    before: Opened,
+    pruned: Pruned,
+    capture: Capture | None,
+    partition: Partition,
+    console: Console,
 ) -> list[Row]:
     """Give what each region has: Gaussians that were scored and that stayed; of what was before; and decibels of both.
 
@@ -32,9 +40,9 @@ def judge(
     """
     decibels: tuple[Decibels, Decibels] = ([None] * len(partition.regions),) * 2
     if options.measure:
-        decibels = measured(options, opened, before, written, partition, console)
-    found, n_left = written.found, max(len(written.gaussians), 1)
-    shown, left = (counts(gaussians, partition) for gaussians in (before.avatar.gaussians, written.gaussians))
+        decibels = measured(opened, before, pruned, capture, partition, console)
+    found, n_left = pruned.found, max(len(pruned.gaussians), 1)
+    shown, left = (counts(gaussians, partition) for gaussians in (before.avatar.gaussians, pruned.gaussians))
     return [
         {
             "region": name,
@@ -61,21 +69,19 @@ def counts(gaussians: Gaussians, partition: Partition) -> list[int]:
 
 
 def measured(
-    options: Options, opened: Opened, before: Opened, written: Written, partition: Partition, console: Console
+    opened: Opened, before: Opened, pruned: Pruned, capture: Capture | None, partition: Partition, console: Console
 ) -> tuple[Decibels, Decibels]:
     """Give decibels by region of what was before and of the result."""
     from dataclasses import replace
 
     from sacha_core.evaluate.region_quality import capture_region_psnr, own_region_psnr
-    from sacha_core.interchange.capture import read_capture
 
-    head, result = opened.head, replace(opened.avatar, gaussians=written.gaussians)
-    if options.dataset is None:
+    head, result = opened.head, replace(opened.avatar, gaussians=pruned.gaussians)
+    if capture is None:
         truth, motion = opened.avatar.gaussians, opened.avatar.motion
-        found = [written.gaussians] if before is opened else [before.avatar.gaussians, written.gaussians]
+        found = [pruned.gaussians] if before is opened else [before.avatar.gaussians, pruned.gaussians]
         psnr = own_region_psnr(truth, found, head, motion, partition, report=console.report)
         return ([None] * len(partition.regions) if before is opened else psnr[0]), psnr[-1]
-    capture = read_capture(options.dataset)
     old, new = (
         capture_region_psnr(avatar, head, capture, partition, report=console.report)
         for avatar in (before.avatar, result)
@@ -98,7 +104,13 @@ def region_table(rows: Sequence[Row]) -> str:
 
 
 def report(
-    options: Options, written: Written, scores: Scores, path: Any, partition: Partition, rows: Sequence[Row]
+    options: Options,
+    pruned: Pruned,
+    n_bytes: int | None,
+    scores: Scores,
+    path: Path,
+    partition: Partition,
+    rows: Sequence[Row],
 ) -> dict[str, Any]:
     """Give the report for machines."""
     before = options.before or options.avatar
@@ -108,11 +120,11 @@ def report(
         "output": options.output,
         "scheme": partition.name,
         "n_before": len(scores.score),
-        "n_gaussians": len(written.found.rows),
-        "n_bytes": written.n_bytes,
+        "n_gaussians": len(pruned.found.rows),
+        "n_bytes": n_bytes,
         "n_bytes_before": before.stat().st_size if before.is_file() else None,
-        "quality": written.quality,
-        "n_trials": written.n_trials,
+        "quality": pruned.quality,
+        "n_trials": pruned.n_trials,
         "scope": options.scope,
         "regions": rows,
     }

@@ -13,12 +13,13 @@ if TYPE_CHECKING:
     from sacha_core.cli.prune import Options
     from sacha_core.cli.sources import Opened
     from sacha_core.density.scores_file import Scores
+    from sacha_core.interchange.capture import Capture
     from sacha_core.regions.partition import Partition
 
 __all__ = ["scores_of", "stored_scores"]
 
 
-def scores_of(options: Options, opened: Opened, console: Console) -> tuple[Path, Scores]:
+def scores_of(options: Options, opened: Opened, capture: Capture | None, console: Console) -> tuple[Path, Scores]:
     """Read the avatar's scores, or make them where that was asked for.
 
     Raises:
@@ -30,10 +31,10 @@ def scores_of(options: Options, opened: Opened, console: Console) -> tuple[Path,
 
     path = options.scores if options.scores is not None else find_scores(options)
     if path is None or (options.make_scores and not path.is_file()):
-        return make_scores(options, opened, console)
+        return make_scores(options, opened, capture, console)
     scores = read_scores(path)
     if options.make_scores and measured_on_others(scores, opened):
-        return make_scores(options, opened, console)
+        return make_scores(options, opened, capture, console)
     if opened.head.n_faces != scores.n_faces:
         raise TopologyError(
             f"{path} is of a head of {scores.n_faces} triangles, but {options.avatar} is bound to {opened.head.name!r} of "
@@ -85,7 +86,7 @@ def measured_on_others(scores: Scores, opened: Opened) -> bool:
     return any(not np.array_equal(getattr(now, name), getattr(then, name)) for name in ("binding", "position", "sh_dc"))
 
 
-def make_scores(options: Options, opened: Opened, console: Console) -> tuple[Path, Scores]:
+def make_scores(options: Options, opened: Opened, capture: Capture | None, console: Console) -> tuple[Path, Scores]:
     """Measure what each Gaussian is worth, and keep that beside the avatar, or where --scores says.
 
     Raises:
@@ -95,12 +96,10 @@ def make_scores(options: Options, opened: Opened, console: Console) -> tuple[Pat
     from sacha_core.cli.score import beside
     from sacha_core.density.scores_file import write_scores
     from sacha_core.evaluate.importance import score_avatar
-    from sacha_core.interchange.capture import read_capture
     from sacha_core.train.options import TrainOptions
 
     chosen = TrainOptions()
     chosen = replace(chosen, importance=replace(chosen.importance, views=options.views))
-    capture = None if options.dataset is None else read_capture(options.dataset)
     gaussians, motion = opened.avatar.gaussians, opened.avatar.motion
     partition = own_regions(options, opened)
     scored = score_avatar(gaussians, opened.head, motion, capture, chosen, console.report, partition)

@@ -1,4 +1,4 @@
-"""What `sacha prune` writes: a PLY, a model folder, or a file of a level or a size."""
+"""What `sacha prune` makes and writes: a PLY, a model folder, or a file of a level or a size."""
 
 from __future__ import annotations
 
@@ -17,68 +17,83 @@ if TYPE_CHECKING:
     from sacha_core.density.scores_file import Scores
     from sacha_core.regions.partition import Partition
 
-__all__ = ["Written", "write_pruned"]
+__all__ = ["Pruned", "prune", "write_pruned"]
 
 ITERATION = 1  # a folder of a model names its iterations; a PLY has had none that are known
 USUAL_LEVEL = 2
 
 
-class Written(NamedTuple):
-    """What was written.
+class Pruned(NamedTuple):
+    """A smaller avatar that nobody has written yet.
 
     Args:
         found: who stayed.
         gaussians: as whoever opens it will find them.
-        n_bytes: of the file; None where it is none.
+        data: the file; None where it is made from the Gaussians.
         quality: the level that it was made at; None where it has none.
         n_trials: encodings that it took.
     """
 
     found: Rebudget
     gaussians: Gaussians
-    n_bytes: int | None = None
+    data: bytes | None = None
     quality: float | None = None
     n_trials: int = 0
 
 
-def write_pruned(
+def prune(
     options: Options, opened: Opened, scores: Scores, partition: Partition, budget: Budget, console: Console
-) -> Written:
-    """Choose who stays, and write it.
+) -> Pruned:
+    """Choose who stays, and encode that where a file is wanted.
 
     Raises:
-        OptionError: the budget cannot be kept to, the size is out of reach, or the folder holds another model.
+        OptionError: the budget cannot be kept to, or the size is out of reach.
         SachaError: the avatar cannot be compressed.
-        OSError: a file cannot be written.
     """
-    suffix = options.output.suffix.lower()
-    if suffix == ".sacha" and options.level != "archive":
-        return write_rendered(options, opened, scores, partition, budget, console)
+    from sacha_core.codec import encode_archive
     from sacha_core.density.rebudget import rebudget
 
+    compressed = options.output.suffix.lower() == ".sacha"
+    if compressed and options.level != "archive":
+        return prune_by_rendering(options, opened, scores, partition, budget, console)
     found = rebudget(scores, partition, budget)
     kept = scores.gaussians.select(found.rows)
     if (
         opened.avatar.gaussians.sensitivity_logit is None
     ):  # the scores hold estimates, which nobody shall take for learned
         kept = replace(kept, sensitivity_logit=None)
-    if suffix == ".sacha":
-        return write_archive(options, opened, found, kept)
-    if suffix == ".ply":
-        from sacha_core.interchange.splat_ply import write_bound_ply
-
-        write_bound_ply(options.output, kept)
-        return Written(found, kept, options.output.stat().st_size)
-    write_folder(options, opened, kept)
-    return Written(found, kept)
+    if not compressed:
+        return Pruned(found, kept)
+    data = encode_archive(replace(opened.avatar, gaussians=kept), head=opened.head, embed_head=options.embed_head)
+    return Pruned(found, kept, data, None, 1)
 
 
-def write_rendered(
+def write_pruned(options: Options, opened: Opened, pruned: Pruned) -> int | None:
+    """Write it; give the bytes of the file, None of a folder.
+
+    Raises:
+        OptionError: the folder holds another model.
+        OSError: a file cannot be written.
+    """
+    from sacha_core.files import write_aside
+    from sacha_core.interchange.splat_ply import write_bound_ply
+
+    if pruned.data is not None:
+        with write_aside(options.output) as aside:
+            aside.write_bytes(pruned.data)
+    elif options.output.suffix.lower() == ".ply":
+        write_bound_ply(options.output, pruned.gaussians)
+    else:
+        write_folder(options, opened, pruned.gaussians)
+        return None
+    return options.output.stat().st_size
+
+
+def prune_by_rendering(
     options: Options, opened: Opened, scores: Scores, partition: Partition, budget: Budget, console: Console
-) -> Written:
+) -> Pruned:
     """Encode by rendering, at a level or to a size."""
     from sacha_core.codec import decode
-    from sacha_core.files import write_aside
     from sacha_core.progress import Progress
     from sacha_core.rate.steered import SteeredEncoder
     from sacha_core.rate.target import encode_to_size, parse_size
@@ -94,21 +109,8 @@ def write_rendered(
         console.report(Progress("encode", 0, 1))
         encoded, n_trials = encoder.encode(options.level or USUAL_LEVEL), 1
         console.report(Progress("encode", 1, 1))
-    with write_aside(options.output) as aside:
-        aside.write_bytes(encoded.data)
     decoded = decode(encoded.data, head=head).gaussians
-    return Written(encoder.choose(encoded.level), decoded, len(encoded.data), encoded.level.quality, n_trials)
-
-
-def write_archive(options: Options, opened: Opened, found: Rebudget, kept: Gaussians) -> Written:
-    """Encode every bit of what stays."""
-    from sacha_core.codec import encode_archive
-    from sacha_core.files import write_aside
-
-    data = encode_archive(replace(opened.avatar, gaussians=kept), head=opened.head, embed_head=options.embed_head)
-    with write_aside(options.output) as aside:
-        aside.write_bytes(data)
-    return Written(found, kept, len(data), None, 1)
+    return Pruned(encoder.choose(encoded.level), decoded, encoded.data, encoded.level.quality, n_trials)
 
 
 def write_folder(options: Options, opened: Opened, kept: Gaussians) -> None:

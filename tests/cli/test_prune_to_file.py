@@ -138,6 +138,16 @@ def test_an_earlier_result_is_set_beside_with_decibels_of_both(done, avatar: Pat
     assert (tmp_path / "scene" / "scene.json").is_file()
 
 
+def test_what_cannot_be_measured_is_not_written(refused, model: Path, capture: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "capture"
+    shutil.copytree(capture, broken)
+    for image in broken.rglob("*.png"):
+        image.write_bytes(b"no picture")
+    judged = ("--measure", "--dataset", broken)
+    refused("prune", model, "--keep", 0.5, "--level", 1, *judged, "-o", tmp_path / "b.sacha")
+    assert [path.name for path in tmp_path.iterdir()] == ["capture"]
+
+
 def test_held_out_images_judge_what_a_capture_trained(done, model: Path, capture: Path, tmp_path: Path) -> None:
     judged = ("--measure", "--dataset", capture)
     outcome = done("prune", model, "--keep", 0.2, "--level", 1, *judged, "-o", tmp_path / "b.sacha")
@@ -165,6 +175,7 @@ def test_held_out_images_judge_what_a_capture_trained(done, model: Path, capture
         (("--keep", 0.5, "--scheme", "SCORES"), "not a scheme file"),
         (("--keep", 0.5, "--dataset", "FOLDER"), "expected one of these with it"),
         (("--keep", 0.5, "--views", 0), "--views is 0"),
+        (("--keep", 0.5, "--measure", "--dataset", "FOLDER"), "transforms_train.json"),
     ],
 )
 def test_what_makes_no_sense_is_refused_and_nothing_is_written(
