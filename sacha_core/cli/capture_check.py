@@ -71,15 +71,16 @@ def read(root: Path) -> Capture:
         DatasetError: it is none, or is broken.
     """
     from sacha_core.evaluate.checkup.layout import guess_folder
-    from sacha_core.interchange.capture import read_capture
+    from sacha_core.interchange.capture import capture_folder, read_capture
 
     try:
-        return read_capture(root)
+        capture_folder(root)
     except DatasetError as error:
-        guess = None if (root / "transforms_train.json").is_file() else guess_folder(root)
+        guess = guess_folder(root)
         if guess is None:
             raise
         raise DatasetError(guess) from error
+    return read_capture(root)
 
 
 def covering(capture: Capture, head: HeadModel, views: Sequence[View], console: Console) -> tuple[Coverage, ...]:
