@@ -33,6 +33,8 @@ from traces import traces  # noqa: E402
 ENGINE = os.environ.get("SACHA_ENGINE", str(HERE.parent / ".venv" / "bin" / "python"))
 SIZE = 96  # pixels
 NEAR = 0.02  # pixels: a centre this near to an edge may fall to either side
+FILM_WIDTH, FILM_HEIGHT = 44, 64
+SOFT_PIXELS = 60  # of some 700: Cycles' samples are spread over the pixel, so the outline's are anything between
 MATERIAL_TIME_LIMIT_S = 120
 FLOAT32_M = 1e-6  # rounding of a coordinate of some decimetres
 
@@ -118,6 +120,21 @@ class Smoke:
         assert 0 < small.stat().st_size < (self.folder / "avatar.sacha").stat().st_size
         assert bpy.ops.sacha.decode(source=str(small), filepath=str(back)) == {"FINISHED"}
         assert back.read_bytes().startswith(b"ply")
+
+    def check_5_films(self) -> None:
+        """A second Blender of this executable films the head where the engine's own geometry has it."""
+        scene, setup = bpy.context.scene, bpy.context.scene.sacha_making
+        bpy.context.view_layer.objects.active = self.shown
+        bpy.ops.sacha.add_cameras(count=2)
+        setup.renderer, setup.samples, setup.width, setup.height = "CYCLES", 4, FILM_WIDTH, FILM_HEIGHT
+        scene.frame_end = scene.frame_start
+        assert bpy.ops.sacha.film(directory=str(self.folder / "film")) == {"FINISHED"}
+        told = self.folder / "film.json"
+        command = [ENGINE, str(HERE / "film_truth.py"), setup.dataset, str(told)]
+        subprocess.run(command, check=True, timeout=MATERIAL_TIME_LIMIT_S, stdin=subprocess.DEVNULL)
+        for picture in json.loads(told.read_text())["pictures"]:
+            assert picture["covered"] > 0.2 * FILM_WIDTH * FILM_HEIGHT, picture
+            assert picture["wrong"] <= SOFT_PIXELS, picture
 
     def check_6_tells(self) -> None:
         """What goes wrong is said with what to do, and diagnostics hold it."""
