@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import math
 import subprocess
+import time
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import bpy
 import numpy as np
@@ -14,7 +16,7 @@ import pytest
 from conftest import ENGINE, Material
 from mathutils import Euler, Vector
 
-TRUTH_LIMIT_S = 60
+TRUTH_LIMIT_S, FILM_LIMIT_S = 60, 120
 WIDTH, HEIGHT = 44, 64
 WRONG_PIXELS = 6  # of some 700 covered: those whose centre lies on the outline, up to single precision
 SOFT_PIXELS = 60  # Cycles' samples are spread over the pixel, so the outline's are anything between
@@ -118,6 +120,36 @@ def test_pictures_of_an_interrupted_filming_can_be_kept(studio: bpy.types.Object
     pictures = truth(Path(bpy.context.scene.sacha_making.dataset), tmp_path)["pictures"]
     wrong = {picture["camera"]: picture["wrong"] > WRONG_PIXELS for picture in pictures}
     assert wrong == {0: True, 1: False, 2: False}
+
+
+def test_a_cancelled_filming_ends_its_blender_and_keeps_its_pictures(
+    studio: bpy.types.Object, addon: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    running = __import__(f"{addon.__name__}.running", fromlist=["now"])
+    monkeypatch.setattr(running, "events_come", lambda: True)
+    setup = bpy.context.scene.sacha_making
+    setup.renderer, setup.samples, setup.width, setup.height = "CYCLES", 250, 150, 200  # time enough to be cancelled
+    assert bpy.ops.sacha.film("EXEC_DEFAULT", wait=False) == {"RUNNING_MODAL"}
+    operator, job = bpy.context.window.modal_operators[0], running.now().job
+    end = time.monotonic() + FILM_LIMIT_S
+
+    def tick_while(condition: Callable[[], bool]) -> set[str]:
+        while condition():
+            assert time.monotonic() < end, "waited in vain"
+            time.sleep(0.05)
+            answer = type(operator).modal(operator, bpy.context, SimpleNamespace(type="TIMER"))
+            if answer != {"PASS_THROUGH"}:
+                return answer
+        return {"PASS_THROUGH"}
+
+    assert tick_while(lambda: job.stage != "film") == {"PASS_THROUGH"}
+    assert job.said.left
+    bpy.ops.sacha.cancel()
+    assert tick_while(lambda: True) == {"CANCELLED"}
+    assert job.process.poll() is not None
+    footage = tmp_path / "film" / "footage"
+    assert 1 <= len(list(footage.glob("00*.png"))) < 9
+    assert not setup.dataset
 
 
 def test_a_folder_with_other_files_is_left_alone(studio: bpy.types.Object, tmp_path: Path) -> None:
