@@ -32,7 +32,9 @@ def fresh(addon: ModuleType, material: Material) -> bpy.types.Object:
 def kept_of(mesh: bpy.types.Mesh) -> list:
     """Everything that opening leaves with a mesh."""
     shown = mesh.sacha
-    rows = [{name: getattr(row, name) for name in row.bl_rna.properties.keys()} for row in shown.regions]  # noqa: SIM118
+    annotated = type(shown.regions[0]).__annotations__  # what a row is declared to hold
+    numbers = [name for name in annotated if name not in {"kept", "colour"}]
+    rows = [(tuple(row.colour), *(getattr(row, name) for name in numbers)) for row in shown.regions]
     views = [
         (view.name, view.label, view.palette, [(line.name, tuple(line.colour)) for line in view.legend])
         for view in shown.views
@@ -41,7 +43,7 @@ def kept_of(mesh: bpy.types.Mesh) -> list:
     return [
         texts,
         views,
-        [{key: str(value) if key in {"colour", "rna_type"} else value for key, value in row.items()} for row in rows],
+        rows,
         [fact.name for fact in shown.facts],
         [number.value for view in shown.views for number in view.by_region],
     ]

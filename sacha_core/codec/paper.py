@@ -40,6 +40,7 @@ __all__ = [
     "encode_binding",
     "encode_rows",
     "geometry_head",
+    "read_geometry_head",
 ]
 
 OWN, WITH_TOOL = 0, 1  # coders

@@ -14,9 +14,10 @@ from sacha_core.codec.paper_map import POSITION_BITS
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.symbols import SymbolReader, SymbolWriter
 
-__all__ = ["decode_points", "encode_points"]
+__all__ = ["BITS", "codes_of", "decode_points", "encode_points"]
 
 AXES = 3
+BITS = AXES * POSITION_BITS  # of a point
 FEW = 8  # points of a box whose count is told as it is; more: as its difference to half
 CLASSES = FEW + 24
 DEPTHS_PER_CLASS = 6
@@ -34,16 +35,21 @@ def expected_of(points: Int[np.ndarray, " b"]) -> Int[np.ndarray, " b"]:
     return np.where(points <= FEW, 0, points >> 1)
 
 
+def codes_of(points: Int[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
+    """Give the bits of x, y and z of each point in turn, the highest first: boxes are runs of these in their order."""
+    code = np.zeros(len(points), np.int64)
+    for depth in range(BITS):
+        code = code << 1 | (points[:, depth % AXES] >> (POSITION_BITS - 1 - depth // AXES) & 1)
+    return code
+
+
 def encode_points(points: Int[np.ndarray, "n 3"]) -> bytes:
     """Code points; their order is not kept.
 
     Args:
         points: (n, 3) grid coordinates, 0 to 2**18 - 1.
     """
-    code = np.zeros(len(points), np.int64)  # bits of x, y, z in turn, the highest first
-    for depth in range(AXES * POSITION_BITS):
-        code = code << 1 | (points[:, depth % AXES] >> (POSITION_BITS - 1 - depth // AXES) & 1)
-    code = np.sort(code)
+    code = np.sort(codes_of(points))
     writer = SymbolWriter(N_CONTEXTS)
     for depth in range(AXES * POSITION_BITS if len(points) else 0):
         rest = AXES * POSITION_BITS - depth

@@ -3,7 +3,7 @@ r"""What each triangle of the head takes of a file: the bytes that describe Gaus
 While it decodes, every integer's cost is put down: $-\log_2$ of the share that its token has of the coder's intervals, and its raw bits. An
 integer belongs to the Gaussian that it describes, the Gaussian to its triangle; a number of `Counts` belongs to its place. What serves all
 of them alike - header and section table, tables of the coder, rules, rounding to whole words, and sections of which nothing finer is known
-(bindings of an archive, everything of the paper's profile) - is shared out evenly among the Gaussians. So the triangles' bytes add up to
+(bindings of an archive, what an external program coded) - is shared out evenly among the Gaussians. So the triangles' bytes add up to
 the file's Gaussian bytes, those of `inspect`, up to rounding in float64.
 
 Source: own.
@@ -23,11 +23,12 @@ from sacha_core.codec.container import Section
 from sacha_core.codec.counts import decode_layout
 from sacha_core.codec.decoder import Source, find_template, read_gaussians, read_header, read_source
 from sacha_core.codec.float_column import CONSTANT, LISTED, Column, passes_of
-from sacha_core.codec.header import ARCHIVE, LOSSY, Header
+from sacha_core.codec.header import ARCHIVE, LOSSY, PAPER, Header
 from sacha_core.codec.lossless import LAYOUT
 from sacha_core.codec.order import Layout, passes_over
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.sections import need, sections_of
+from sacha_core.codec.spending_paper import paper_bits
 from sacha_core.codec.template import Template
 from sacha_core.flame.model import HeadModel
 
@@ -106,6 +107,8 @@ def _told_bits(
         _, order = decode_binding(need(sections, "Binding").reader(), n, n_faces)
         bits = {name: _exact_bits(section, n, _widths(name, header)) for name, section in logged.items()}
         return {name: np.bincount(binding[order], told, n_faces) for name, told in bits.items() if told is not None}
+    if header.profile == PAPER:
+        return {name: np.bincount(binding, of, n_faces) for name, of in paper_bits(sections, logged, header).items()}
     return {}
 
 

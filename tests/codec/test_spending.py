@@ -75,9 +75,11 @@ def test_triangles_add_up_to_the_files_bytes_of_gaussians(head: HeadModel, kind:
     assert not {"Static", "Motion", "head"} & spent.sections.keys()
 
 
-@pytest.mark.parametrize("kind", ["level 1, degree 0", "level 4, degree 2", "without the head", "archive, degree 2"])
+@pytest.mark.parametrize(
+    "kind", ["level 1, degree 0", "level 4, degree 2", "without the head", "archive, degree 2", "paper, degree 1"]
+)
 def test_what_cannot_be_foretold_costs_more(head: HeadModel, kind: str) -> None:
-    data = FILES[kind](avatar_of(head, 2 if kind.endswith("2") else 0), head)
+    data = FILES[kind](avatar_of(head, int(kind[-1]) if kind[-1].isdigit() else 0), head)
     spent = spent_bytes(data, head=head).triangles
     binding = decode(data, head=head).gaussians.binding
     count = np.bincount(binding, minlength=head.n_faces)
