@@ -89,14 +89,16 @@ def test_splats_leave_as_numbered_files(opened: bpy.types.Object, material: Mate
 
 @pytest.mark.parametrize("content", ["HEAD", "SPLATS"])
 def test_gltf_leaves_whole(opened: bpy.types.Object, content: str, tmp_path: Path) -> None:
-    target = tmp_path / "a.glb"
-    bpy.ops.sacha.export_gltf(filepath=str(target), content=content)
+    target, painted = tmp_path / "a.glb", tmp_path / "map.png"
+    bpy.ops.sacha.bake_heat_map(filepath=str(painted), size=SIZE)
+    bpy.ops.sacha.export_gltf(filepath=str(target), content=content, texture=str(painted))
     magic, version, length, json_length = struct.unpack("<4sIII", target.read_bytes()[:16])
     assert (magic, version, length) == (b"glTF", 2, target.stat().st_size)
     told = json.loads(target.read_bytes()[20 : 20 + json_length])
     primitive = told["meshes"][0]["primitives"][0]
     splats = "KHR_gaussian_splatting" in primitive.get("extensions", {})
     assert splats == (content == "SPLATS")
+    assert (painted.read_bytes() in target.read_bytes()) == (content == "HEAD")  # the baked map travels along
 
 
 def test_the_menu_of_exports_offers_them(addon: ModuleType) -> None:
