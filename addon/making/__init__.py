@@ -14,8 +14,9 @@ from . import (
     panel,
     settings,
     train_avatar,
+    training_list,
     training_panel,
 )
 
-OPERATORS = (encode_avatar, decode_avatar, batch_folder, add_cameras, film_head, train_avatar)
+OPERATORS = (encode_avatar, decode_avatar, batch_folder, add_cameras, film_head, train_avatar, training_list)
 PARTS = (settings, *OPERATORS, known_runs, panel, film_panel, training_panel)

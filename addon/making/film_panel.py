@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..seeing.shown import shown_by
+from ..telling.lines import draw_sentence
 from .heads import cameras_of
 
 __all__ = ["CLASSES"]
@@ -39,7 +40,8 @@ class SachaFilmPanel(bpy.types.Panel):
             layout.prop(setup, name)
         n_cameras = len(cameras_of(scene))
         n_frames = len(range(scene.frame_start, scene.frame_end + 1, setup.frame_step))
-        layout.label(text=f"{n_cameras} cameras by {n_frames:,} frames: {n_cameras * n_frames:,} pictures")
+        pictures = f"{n_cameras} cameras by {n_frames:,} frames: {n_cameras * n_frames:,} pictures"
+        draw_sentence(layout, context, pictures)
         row = layout.row()
         row.operator_context = "INVOKE_DEFAULT"
         row.operator("sacha.film", icon="RENDER_ANIMATION")

@@ -39,10 +39,10 @@ class SachaFilesPanel(bpy.types.Panel):
             row.operator_context = "INVOKE_DEFAULT"
             row.operator("sacha.encode", text="Encode...", icon="EXPORT")
             row.operator("sacha.decode", text="Decode...", icon="IMPORT")
-        row = layout.row()
-        row.operator_context = "INVOKE_DEFAULT"
-        row.operator("sacha.encode_folder", text="Encode Folder...")
-        row.operator("sacha.decode_folder", text="Decode Folder...")
+        column = layout.column(align=True)
+        column.operator_context = "INVOKE_DEFAULT"
+        column.operator("sacha.encode_folder", text="Encode Folder...")
+        column.operator("sacha.decode_folder", text="Decode Folder...")
 
 
 CLASSES = (SachaFilesPanel,)

@@ -14,6 +14,7 @@ from .. import engine, preferences, problem, running, sources
 from . import known_runs, run_folder
 from .run_folder import Standing
 from .settings import DEVICES, VARIANTS
+from .training_list import run_of
 
 __all__ = ["CLASSES"]
 
@@ -80,73 +81,12 @@ class SachaContinueTraining(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Start it again with what it was started with."""
         try:
-            run = _run_of(self.model)
+            run = run_of(self.model)
             arguments = [argument for argument in run.arguments if argument != "--restart"]
             run = _start(context, arguments, run.model)
         except (engine.EngineMissingError, OSError, ValueError) as error:
             return problem.tell(self, str(error), getattr(error, "kind", ""))
         return _see_through(self, run) if self.wait else {"FINISHED"}
-
-
-class SachaStopTraining(bpy.types.Operator):
-    """Stop a training; it can go on later."""
-
-    bl_idname = "sacha.stop_training"
-    bl_label = "Stop"
-    bl_description = "Stop the training; it can go on later where it was"
-
-    model: StringProperty(name="Model", description="Its folder", subtype="DIR_PATH", options={"SKIP_SAVE"})
-
-    def execute(self, context: bpy.types.Context) -> set[str]:  # noqa: ARG002  (Blender's signature)
-        """Ask its process to end."""
-        try:
-            run_folder.stop(_run_of(self.model))
-        except (OSError, ValueError) as error:
-            return problem.tell(self, str(error), getattr(error, "kind", ""))
-        known_runs.refresh()
-        return {"FINISHED"}
-
-
-class SachaFindTraining(bpy.types.Operator):
-    """Show a training that was started elsewhere, or was forgotten."""
-
-    bl_idname = "sacha.find_training"
-    bl_label = "Find Training"
-    bl_description = "Show a training by its folder: one that another Blender started, or that was taken off the list"
-
-    directory: StringProperty(name="Model", description="Its folder", subtype="DIR_PATH", options={"SKIP_SAVE"})
-    filter_folder: BoolProperty(default=True, options={"HIDDEN"})
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
-        """Ask for the folder."""
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
-
-    def execute(self, context: bpy.types.Context) -> set[str]:  # noqa: ARG002  (Blender's signature)
-        """Look at it, and keep it in mind."""
-        try:
-            run = _run_of(self.directory)
-            known_runs.remember(run)
-        except (OSError, ValueError) as error:
-            return problem.tell(self, str(error), getattr(error, "kind", ""))
-        status = run_folder.look(run)
-        self.report({"INFO"}, f"{run.model.name}: {status.standing.value}. {status.complaint.message}".strip())
-        return {"FINISHED"}
-
-
-class SachaForgetTraining(bpy.types.Operator):
-    """Take a training off the list; its folder stays."""
-
-    bl_idname = "sacha.forget_training"
-    bl_label = "Forget"
-    bl_description = "Take it off the list; its folder, and what trains in it, stay as they are"
-
-    model: StringProperty(name="Model", description="Its folder", subtype="DIR_PATH", options={"SKIP_SAVE"})
-
-    def execute(self, context: bpy.types.Context) -> set[str]:  # noqa: ARG002  (Blender's signature)
-        """Forget it."""
-        known_runs.forget(sources.full_path(self.model))
-        return {"FINISHED"}
 
 
 def _arguments(given: SachaTrain, context: bpy.types.Context) -> tuple[list[str], Path]:
@@ -194,20 +134,6 @@ def _stored_size(dataset: Path) -> tuple[int, int]:
         raise ValueError(f"{found} is damaged: it does not say how large the pictures are") from error
 
 
-def _run_of(model: str) -> run_folder.Run:
-    """Find the training of a folder.
-
-    Raises:
-        ValueError: there is none.
-    """
-    if not model:
-        raise ValueError("No training: name its folder")
-    run = run_folder.find_run(sources.full_path(model))
-    if run is None or run.arguments[:1] != ("train",):
-        raise ValueError(f"{sources.full_path(model)} holds no training that was started here")
-    return run
-
-
 def _start(context: bpy.types.Context, arguments: list[str], model: Path) -> run_folder.Run:
     python = preferences.engine_python(context)
     run = run_folder.start_run([str(python), "-m", "sacha_core"], arguments, model)
@@ -229,4 +155,4 @@ def _see_through(operator: bpy.types.Operator, run: run_folder.Run) -> set[str]:
     return problem.tell(operator, status.complaint.message, status.complaint.kind, log="\n".join(status.log))
 
 
-CLASSES = (SachaTrain, SachaContinueTraining, SachaStopTraining, SachaFindTraining, SachaForgetTraining)
+CLASSES = (SachaTrain, SachaContinueTraining)
