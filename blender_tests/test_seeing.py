@@ -136,6 +136,22 @@ def test_the_table_has_the_columns_of_which_it_has_numbers(
     assert table.tables_of(bpy.context.object.data.sacha) == ["NOW"]
 
 
+def test_a_narrow_sidebar_has_the_column_that_it_is_sorted_by(addon: ModuleType, seen: bpy.types.Object) -> None:
+    table, shown = part(addon, "table"), seen.data.sacha
+
+    def fitting(width: int) -> list[str]:
+        preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=2.0))  # of a display that is drawn large
+        region = SimpleNamespace(width=2 * width)
+        return table.fitting_columns(shown, SimpleNamespace(region=region, preferences=preferences))
+
+    shown.sort_by = "place"
+    assert fitting(229) == ["gaussians"]
+    shown.sort_by = "n_bytes"
+    assert fitting(229) == ["n_bytes"]
+    assert fitting(300) == ["gaussians", "n_bytes"]
+    assert fitting(400) == ["gaussians", "share", "n_bytes"]
+
+
 def test_a_swatch_keeps_its_colour(seen: bpy.types.Object) -> None:
     line = seen.data.sacha.views["count"].legend[0]
     before = tuple(line.colour)

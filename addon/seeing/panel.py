@@ -70,7 +70,7 @@ class SachaRegionsPanel(bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
-        draw_table(self.layout, shown_by(context))
+        draw_table(self.layout, context, shown_by(context))
 
 
 def _draw_view(layout: bpy.types.UILayout, shown: bpy.types.PropertyGroup) -> None:

@@ -12,6 +12,7 @@ __all__ = ["CLASSES", "draw_table", "order_of"]
 
 SWATCH, NAME = 0.09, 0.38  # parts of a row's width
 ROWS = 8
+ROOM = (0, 270, 350)  # pixels of a sidebar from which on one, two, three columns can be read
 THOUSANDS = ((1e6, "M"), (1e3, "k"))
 
 
@@ -56,12 +57,26 @@ def columns_of(shown: bpy.types.PropertyGroup) -> list[str]:
     return [column for name, _, _, columns in TABLES if name == chosen for column in columns if column in known]
 
 
+def fitting_columns(shown: bpy.types.PropertyGroup, context: bpy.types.Context) -> list[str]:
+    """Give those of them that the sidebar has room for; in a narrow one the column that it is sorted by, else the first."""
+    columns = columns_of(shown)
+    if context.region is None:
+        return columns
+    room = context.region.width / context.preferences.system.ui_scale
+    fitting = sum(room >= least for least in ROOM)
+    if fitting >= len(columns):
+        return columns
+    first = [shown.sort_by] if shown.sort_by in columns else columns[:1]
+    shown_too = (first + [column for column in columns if column not in first])[: max(fitting, 1)]
+    return [column for column in columns if column in shown_too]
+
+
 class SACHA_UL_regions(bpy.types.UIList):  # noqa: N801  (Blender wants it so)
     """Regions with their colours and numbers."""
 
     def draw_item(
         self,
-        context: bpy.types.Context,  # noqa: ARG002
+        context: bpy.types.Context,
         layout: bpy.types.UILayout,
         data: bpy.types.PropertyGroup,
         item: bpy.types.PropertyGroup,
@@ -77,7 +92,7 @@ class SACHA_UL_regions(bpy.types.UIList):  # noqa: N801  (Blender wants it so)
         rest = split.split(factor=NAME)
         rest.label(text=item.name)
         numbers = rest.row()
-        for column in columns_of(data):
+        for column in fitting_columns(data, context):
             one = numbers.row()
             one.alignment = "RIGHT"
             one.label(text=cell(item, column))
@@ -121,7 +136,7 @@ class SachaSortRegions(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def draw_table(layout: bpy.types.UILayout, shown: bpy.types.PropertyGroup) -> None:
+def draw_table(layout: bpy.types.UILayout, context: bpy.types.Context, shown: bpy.types.PropertyGroup) -> None:
     """Draw headings that sort, the list, and all numbers of the chosen row."""
     titles = {name: title for name, title, _ in SORTS}
     if len(tables_of(shown)) > 1:
@@ -131,7 +146,7 @@ def draw_table(layout: bpy.types.UILayout, shown: bpy.types.PropertyGroup) -> No
     heading = layout.split(factor=SWATCH + (1 - SWATCH) * NAME, align=True)
     _sort_button(heading, shown, "place", titles["place"])
     columns = heading.row(align=True)
-    for column in columns_of(shown):
+    for column in fitting_columns(shown, context):
         _sort_button(columns, shown, column, titles[column])
     layout.template_list("SACHA_UL_regions", "", shown, "regions", shown, "active_region", rows=ROWS, maxrows=ROWS)
     if 0 <= shown.active_region < len(shown.regions):
