@@ -19,6 +19,7 @@ def runs(addon: ModuleType) -> SimpleNamespace:
     return SimpleNamespace(
         known=__import__(f"{making}.known_runs", fromlist=["shown"]),
         folder=__import__(f"{making}.run_folder", fromlist=["Run"]),
+        status=__import__(f"{making}.run_status", fromlist=["Status"]),
         told=__import__(f"{addon.__name__}.told", fromlist=["Told"]),
         ending=__import__(f"{addon.__name__}.ending", fromlist=["Ending"]),
         process=__import__(f"{addon.__name__}.processes", fromlist=["Process"]).Process(1, "long ago"),
@@ -29,7 +30,7 @@ def status(runs: SimpleNamespace, name: str, kind: str = "", message: str = "") 
     """Give a training that stands somewhere."""
     run = runs.folder.Run(Path("/models/anna"), ("train",), runs.process, "here", 0.0)
     said = runs.told.Told("train", 1200, 6000, 185.0, {"loss": 0.125})
-    return runs.folder.Status(run, runs.folder.Standing[name], said, runs.ending.Ending(kind, message), LOG)
+    return runs.status.Status(run, runs.status.Standing[name], said, runs.ending.Ending(kind, message), LOG)
 
 
 @pytest.mark.parametrize(

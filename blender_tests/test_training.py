@@ -82,7 +82,11 @@ def start(dataset: Path, model: Path, **options: object) -> None:
 
 
 def standing(run_folder: ModuleType, model: Path) -> str:
-    return run_folder.look(run_folder.find_run(model)).standing.value
+    return status_module(run_folder).look(run_folder.find_run(model)).standing.value
+
+
+def status_module(run_folder: ModuleType) -> ModuleType:
+    return __import__(run_folder.__name__.replace("run_folder", "run_status"), fromlist=["look"])
 
 
 def test_the_engine_is_told_what_was_set_up(preferences, known_runs, dataset: Path, tmp_path: Path) -> None:
@@ -136,7 +140,7 @@ def test_stopping_and_going_on(preferences, known_runs, run_folder, dataset: Pat
 def test_one_that_does_not_listen_is_ended_after_the_grace(
     preferences, known_runs, run_folder, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run_folder, "GRACE_S", 0.2)
+    monkeypatch.setattr(status_module(run_folder), "GRACE_S", 0.2)
     make_engine(
         preferences,
         tmp_path,
@@ -206,6 +210,8 @@ def test_of_another_machine_only_the_end_is_known(
     assert standing(run_folder, tmp_path / "model") == "finished"
     (tmp_path / "model" / "run" / "report.json").unlink()
     assert standing(run_folder, tmp_path / "model") == "on another machine"
+    with pytest.raises(RuntimeError, match=r"A training is going on in .*model already on studio-7"):
+        start(dataset, tmp_path / "model")  # it spoke a moment ago
     with pytest.raises(RuntimeError, match="runs on studio-7: stop it there"):
         bpy.ops.sacha.stop_training(model=str(tmp_path / "model"))
 

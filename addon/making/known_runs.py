@@ -8,8 +8,9 @@ from pathlib import Path
 
 import bpy
 
-from . import run_folder
-from .run_folder import Run, Status
+from . import run_folder, run_status
+from .run_folder import Run
+from .run_status import Status
 
 __all__ = ["CLASSES", "attach", "detach", "forget", "refresh", "remember", "shown"]
 
@@ -49,7 +50,7 @@ def refresh() -> list[Status]:
         else:
             found.append(run)
     newest = sorted(found, key=lambda run: run.started_s, reverse=True)[:MOST_SHOWN]
-    _seen[:] = [run_folder.look(run) for run in newest]
+    _seen[:] = [run_status.look(run) for run in newest]
     return _seen
 
 

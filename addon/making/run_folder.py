@@ -15,34 +15,20 @@ import subprocess
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from enum import Enum
 from pathlib import Path
 
-from ..ending import NO_ENGINE, Ending, Heard
 from ..processes import DETACHED, Process, find_process
-from ..told import LOG, PRINTED, REPORT, Told, last_lines, last_told
+from ..told import LOG, PRINTED, REPORT
 
-__all__ = ["ENVIRONMENT", "Run", "Standing", "Status", "find_run", "look", "start_run", "stop", "write_run"]
+__all__ = ["ENVIRONMENT", "Run", "find_run", "reap", "start_run", "stop", "write_run"]
 
 PLACE, RECORD = "run", "run.json"
-GRACE_S = 20.0  # between asking a training to stop and ending it: it writes what it needs to go on
-LOG_LINES = 20
+SILENCE_S = 120.0  # after which a run on another machine is thought to have ended
 ENVIRONMENT = ("PYTHONHOME", "PYTHONPATH")  # point at Blender's own Python, which is not the worker's
 
 _children: list[
     subprocess.Popen[bytes]
 ] = []  # started here: held, so that the system forgets them once they have ended
-
-
-class Standing(Enum):
-    """Where a run stands."""
-
-    RUNNING = "running"
-    STOPPING = "stopping"
-    FINISHED = "finished"
-    STOPPED = "stopped"
-    FAILED = "failed"
-    ELSEWHERE = "on another machine"
 
 
 @dataclass(frozen=True)
@@ -71,30 +57,6 @@ class Run:
         return self.model / PLACE
 
 
-@dataclass(frozen=True)
-class Status:
-    """What a look at a run found.
-
-    Args:
-        run: the run.
-        standing: where it stands.
-        said: its last progress.
-        complaint: why it is not going on, in one line, and its kind (see `advice`); empty where it is, or has finished.
-        log: the last lines that it wrote to its log.
-    """
-
-    run: Run
-    standing: Standing
-    said: Told
-    complaint: Ending
-    log: list[str]
-
-    @property
-    def goes_on(self) -> bool:
-        """Whether its process works, as far as that can be told."""
-        return self.standing in {Standing.RUNNING, Standing.STOPPING}
-
-
 def start_run(program: Sequence[str], arguments: Sequence[str], model: Path) -> Run:
     """Start a training that Blender's end does not end.
 
@@ -111,8 +73,9 @@ def start_run(program: Sequence[str], arguments: Sequence[str], model: Path) -> 
         OSError: the program cannot be started, or the folder not be written.
     """
     found = find_run(model)
-    if found is not None and look(found).goes_on:
-        raise ValueError(f"A training is going on in {model} already: stop it first, or choose another folder")
+    if found is not None and (found.process.lives() or _works_elsewhere(found)):
+        where = "" if found.machine == platform.node() else f" on {found.machine}"
+        raise ValueError(f"A training is going on in {model} already{where}: stop it first, or choose another folder")
     folder = model / PLACE
     folder.mkdir(parents=True, exist_ok=True)
     (folder / REPORT).unlink(missing_ok=True)
@@ -134,6 +97,14 @@ def start_run(program: Sequence[str], arguments: Sequence[str], model: Path) -> 
     return run
 
 
+def _works_elsewhere(run: Run) -> bool:
+    """Tell whether a run on another machine, which shares the folder, said something a short while ago and has not finished."""
+    printed = run.folder / PRINTED
+    if run.machine == platform.node() or (run.folder / REPORT).is_file() or not printed.is_file():
+        return False
+    return time.time() - printed.stat().st_mtime < SILENCE_S
+
+
 def write_run(run: Run) -> None:
     """Write what finds a run again, whole or not at all.
 
@@ -144,6 +115,12 @@ def write_run(run: Run) -> None:
     aside = run.folder / f".{RECORD}.{os.getpid()}"
     aside.write_text(json.dumps(entry, indent=1), encoding="utf-8")
     aside.replace(run.folder / RECORD)
+
+
+def reap() -> None:
+    """Let the system forget those started here that have ended."""
+    for child in [child for child in _children if child.poll() is not None]:
+        _children.remove(child)
 
 
 def find_run(model: Path) -> Run | None:
@@ -164,19 +141,8 @@ def find_run(model: Path) -> Run | None:
         return None
 
 
-def look(run: Run) -> Status:
-    """Tell where a run stands; one that was asked to stop and does not is ended after a grace."""
-    for child in [child for child in _children if child.poll() is not None]:
-        _children.remove(child)
-    log = last_lines(run.folder / LOG, LOG_LINES)
-    standing = _standing(run)
-    if standing is Standing.STOPPING and run.stop_asked_s is not None and time.time() - run.stop_asked_s > GRACE_S:
-        run.process.end()
-    return Status(run, standing, last_told(run.folder / PRINTED), _complaint(run, standing, log), log)
-
-
 def stop(run: Run) -> Run:
-    """Ask a run to stop; `look` ends it by force if it has not done so in time. The same training can go on later.
+    """Ask a run to stop; `run_status.look` ends it by force if it has not done so in time. The same training can go on later.
 
     Raises:
         ValueError: it is on another machine.
@@ -190,40 +156,3 @@ def stop(run: Run) -> Run:
     write_run(asked)
     run.process.ask_to_end()
     return asked
-
-
-def _standing(run: Run) -> Standing:
-    if (run.folder / REPORT).is_file():
-        return Standing.FINISHED
-    if run.machine != platform.node():
-        return Standing.ELSEWHERE
-    if run.process.lives():
-        return Standing.RUNNING if run.stop_asked_s is None else Standing.STOPPING
-    if (run.folder / REPORT).is_file():  # it finished between the two looks
-        return Standing.FINISHED
-    return Standing.FAILED if run.stop_asked_s is None else Standing.STOPPED
-
-
-def _complaint(run: Run, standing: Standing, log: list[str]) -> Ending:
-    """Say why a run is not going on."""
-    if standing is Standing.ELSEWHERE:
-        return Ending("", f"It was started on {run.machine}; whether it still runs can only be told there")
-    if standing is Standing.STOPPED:
-        return Ending("", "Stopped; it can go on where it was")
-    return _failure(run, log) if standing is Standing.FAILED else Ending("", "")
-
-
-def _failure(run: Run, log: list[str]) -> Ending:
-    """Say why a run ended that nobody stopped."""
-    heard = Heard()
-    for line in last_lines(run.folder / PRINTED, LOG_LINES):
-        heard.line(line.encode())
-    if heard.error is not None:
-        return heard.error
-    if any(sentence in line for line in log for sentence in NO_ENGINE):
-        return Ending("NoEngine", "The Python of the preferences has no SACHA engine")
-    if log:
-        return Ending("EngineBroken" if any(line.startswith("Traceback (") for line in log) else "", log[-1])
-    return Ending(
-        "StaleWorker", "It was ended from outside without a word: memory ran out, or the machine was shut down"
-    )

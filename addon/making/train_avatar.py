@@ -11,8 +11,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from .. import engine, preferences, problem, running, sources
-from . import known_runs, run_folder
-from .run_folder import Standing
+from . import known_runs, run_folder, run_status
+from .run_status import Standing
 from .settings import DEVICES, VARIANTS
 from .training_list import run_of
 
@@ -143,7 +143,7 @@ def _start(context: bpy.types.Context, arguments: list[str], model: Path) -> run
 
 def _see_through(operator: bpy.types.Operator, run: run_folder.Run) -> set[str]:
     """Wait for the end of a training; where this is interrupted the training is not."""
-    while (status := run_folder.look(run_folder.find_run(run.model) or run)).goes_on:
+    while (status := run_status.look(run_folder.find_run(run.model) or run)).goes_on:
         time.sleep(TICK_S)
     known_runs.refresh()
     if status.standing is Standing.FINISHED:

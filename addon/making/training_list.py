@@ -7,7 +7,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from .. import problem, sources
-from . import known_runs, run_folder
+from . import known_runs, run_folder, run_status
 
 __all__ = ["CLASSES", "run_of"]
 
@@ -53,7 +53,7 @@ class SachaFindTraining(bpy.types.Operator):
             known_runs.remember(run)
         except (OSError, ValueError) as error:
             return problem.tell(self, str(error), getattr(error, "kind", ""))
-        status = run_folder.look(run)
+        status = run_status.look(run)
         self.report({"INFO"}, f"{run.model.name}: {status.standing.value}. {status.complaint.message}".strip())
         return {"FINISHED"}
 

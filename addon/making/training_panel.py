@@ -9,7 +9,7 @@ from ..advice import advice
 from ..features import draw_progress
 from ..telling.lines import draw_sentence
 from . import known_runs
-from .run_folder import Standing, Status
+from .run_status import Standing, Status
 
 __all__ = ["CLASSES"]
 
