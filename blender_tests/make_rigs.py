@@ -2,7 +2,8 @@
 
 Usage: make_rigs.py FOLDER
 
-`truth.npz`: `posed` (t, v, 3) of `hard.sacha`, frame by frame; parameters `dial_*` of `hard.npz` and `dialled` (n, v, 3), what they make;
+`truth.npz`: `posed` (t, v, 3) of `hard.sacha`, frame by frame; parameters `dial_*` of `hard.npz`, what they make of nobody
+(`dialled` (n, v, 3)) and of the person of `dial_shape` (`shaped`);
 `arkit` (k, v, 3), the rig's shapes each at 1; `seen` (m, v, 2) pixels of the capture's last frame in each camera.
 """
 
@@ -130,7 +131,6 @@ def main(folder: Path) -> None:
     split.export(folder / "split.glb")
 
     dials = moving(head, N_DIALS, rng)
-    dials = replace(dials, shape=np.zeros_like(dials.shape))
     deltas = rng.normal(0, 2e-3, (N_SHAPES, head.n_vertices, 3)).astype(np.float32)
     names = np.array(["jawOpen", "eyeBlinkLeft", "mouthSmile_L", "browInnerUp", "cheekPuff"])
     np.savez(folder / "arkit.npz", verts=head.v_template, faces=head.faces, arkit_deltas=deltas, arkit_names=names)
@@ -146,9 +146,10 @@ def main(folder: Path) -> None:
         model_posed=posed(head, motion),
         **{
             f"dial_{name}": getattr(dials, name)
-            for name in ("expression", "rotation", "neck", "jaw", "eyes", "translation")
+            for name in ("shape", "expression", "rotation", "neck", "jaw", "eyes", "translation")
         },
-        dialled=posed(head, dials),
+        dialled=posed(head, replace(dials, shape=np.zeros_like(dials.shape))),
+        shaped=posed(head, dials),
         arkit=head.v_template + deltas,
         other=posed(head, replace(captured, shape=decoded.shape)),
         last=last,

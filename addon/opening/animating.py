@@ -95,11 +95,13 @@ def _joint_channels(animation: Part, rig: Part) -> list[Channel]:
 
 def _expression_channels(shown: bpy.types.Object, animation: Part, rig: Part) -> list[Channel]:
     """Give what the expressions do, in the values of the head's own shape keys."""
-    blocks, own = shown.data.shape_keys.key_blocks, shown.data.sacha_rig.expressions
-    if len(own) != len(rig.values["names"]):
-        raise ValueError(f"{shown.name} has {len(own)} expressions, the motion moves {len(rig.values['names'])}")
+    blocks, kept = shown.data.shape_keys.key_blocks, shown.data.sacha_rig
+    own, first = kept.expressions[kept.n_identity :], rig.values["n_identity"]
+    scales, values_of = rig.arrays["scales"][first:].tolist(), animation.arrays["values"].T[first:]
+    if len(own) != len(scales):
+        raise ValueError(f"{shown.name} has {len(own)} expressions, the motion moves {len(scales)}")
     channels = []
-    columns = zip(own, rig.arrays["scales"].tolist(), animation.arrays["values"].T, strict=True)
+    columns = zip(own, scales, values_of, strict=True)
     for expression, scale, column in columns:
         block = blocks.get(expression.name)
         if block is None:

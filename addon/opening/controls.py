@@ -34,7 +34,7 @@ RIGID_ERROR = 1e-4  # of the entries of an object's matrix: rounding, and hands 
 
 
 class SachaExpression(bpy.types.PropertyGroup):
-    """One expression; `name` is that of its shape key."""
+    """One expression, or identity component; `name` is that of its shape key."""
 
     scale: FloatProperty(default=1.0, description="The coefficient that a value of 1 stands for")
 
@@ -43,6 +43,7 @@ class SachaRig(bpy.types.PropertyGroup):
     """The controls of a head, kept with its mesh."""
 
     expressions: CollectionProperty(type=SachaExpression)
+    n_identity: IntProperty(description="How many of the first are identity components, on a head that is nobody's yet")
     head_options: StringProperty(description="What the engine was told of its head, as JSON")
     n_frames: IntProperty(description="Frames of the motion that it was opened with; 0 for none")
     first_frame: FloatProperty(description="Frame of the scene at which the motion's first frame lies")
@@ -67,6 +68,7 @@ def describe(mesh: bpy.types.Mesh, keys: list[bpy.types.ShapeKey], rig: Part) ->
     for key, scale in zip(keys, rig.arrays["scales"].tolist(), strict=True):
         expression = mesh.sacha_rig.expressions.add()
         expression.name, expression.scale = key.name, scale
+    mesh.sacha_rig.n_identity = rig.values["n_identity"]
     mesh[SHAPE] = rig.arrays["shape"].astype(np.float64).tolist()
 
 
@@ -95,9 +97,9 @@ def armature_of(shown: bpy.types.Object) -> bpy.types.Object | None:
 
 
 def rest(shown: bpy.types.Object) -> None:
-    """Set a head's expressions to nothing and its joints to where they were opened."""
-    keys, armature = shown.data.shape_keys, armature_of(shown)
-    for expression in shown.data.sacha_rig.expressions:
+    """Set a head's expressions to nothing and its joints to where they were opened; who it is stays."""
+    keys, armature, rig = shown.data.shape_keys, armature_of(shown), shown.data.sacha_rig
+    for expression in rig.expressions[rig.n_identity :]:
         if keys is not None and expression.name in keys.key_blocks:
             keys.key_blocks[expression.name].value = 0.0
     for bone in () if armature is None else armature.pose.bones:
@@ -136,7 +138,9 @@ def read(shown: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> dict[str, n
     missing = [item.name for item in shown.data.sacha_rig.expressions if item.name not in blocks]
     if missing:
         raise ValueError(f"{shown.name} has lost its shape key {missing[0]!r}: open its file again")
-    expression = [blocks[item.name].value * item.scale for item in shown.data.sacha_rig.expressions]
+    values = [blocks[item.name].value * item.scale for item in shown.data.sacha_rig.expressions]
+    n_identity = shown.data.sacha_rig.n_identity
+    shape = values[:n_identity] if n_identity else shown.data.get(SHAPE, [])
     evaluated = armature.evaluated_get(depsgraph)
     bones = evaluated.pose.bones
     if "root" not in bones:
@@ -147,8 +151,8 @@ def read(shown: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> dict[str, n
     rotation, translation = _placed(evaluated, bones["root"])
     turns = {joint: np.array(_turn(bones, joint)) for joint in ("neck", "jaw", "left_eye", "right_eye")}
     return {
-        "shape": np.array(shown.data.get(SHAPE, []), np.float32),
-        "expression": np.array(expression, np.float32),
+        "shape": np.array(shape, np.float32),
+        "expression": np.array(values[n_identity:], np.float32),
         "rotation": rotation.astype(np.float32),
         "neck": turns["neck"].astype(np.float32),
         "jaw": turns["jaw"].astype(np.float32),

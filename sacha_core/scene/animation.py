@@ -35,9 +35,10 @@ class Animation:
 
 def animation_of(motion: Motion, rig: Rig) -> Animation:
     """Give a motion as the values of the controls of the rig that was made for it."""
-    n_used = min(motion.expression.shape[1], len(rig.names))  # what is beyond is zero: the rig was checked against it
     values = np.zeros((len(motion), len(rig.names)))
-    values[:, :n_used] = motion.expression[:, :n_used] / rig.scales[:n_used]
+    expressions = values[:, rig.n_identity :]
+    n_used = min(motion.expression.shape[1], expressions.shape[1])  # the rest is zero: the rig was checked against it
+    expressions[:, :n_used] = motion.expression[:, :n_used] / rig.scales[rig.n_identity :][:n_used]
     vectors = np.concatenate([getattr(motion, name) for name in TURNS], axis=1).reshape(len(motion), -1, 3)
     vectors = vectors[:, : len(rig.joint_names)].astype(np.float64)
     quaternions = from_matrix(rotation_vectors_to_matrices(vectors))

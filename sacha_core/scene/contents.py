@@ -122,7 +122,7 @@ def scene_of_head(head: HeadModel, motion: Motion | None = None, regions: Partit
         *_frames(motion),
     ]
     person = motion or Motion.rest(0, 0)
-    vertices, rig = person_template(head, person)[0], rig_of(head, person)
+    vertices, rig = person_template(head, person)[0], rig_of(head, person, identity=motion is None)
     animation = None if motion is None else animation_of(motion, rig)
     scene = Scene(head.name, "head", head.name, vertices, head.faces, _corner_uv(head), {}, facts, [], rig, animation)
     return _with_regions(scene, divided(head, PAPER.name, regions, areas_cm2(vertices, head.faces)))

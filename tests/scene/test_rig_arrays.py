@@ -80,6 +80,19 @@ def test_the_parts_make_what_posing_makes(head: HeadModel, motion: Motion) -> No
         assert np.abs(put_together(rig, template, animation, frame) - poser(frame)).max() <= ROUNDING_M
 
 
+def test_identity_components_make_the_person(head: HeadModel, motion: Motion) -> None:
+    rig = rig_of(head, replace(motion, shape=motion.shape[:0]), identity=True)
+    n_identity = len(motion.shape)
+    assert rig.n_identity == n_identity
+    assert rig.names[n_identity - 1 : n_identity + 1] == [f"identity_{n_identity - 1:03d}", head.expression_names[0]]
+    still = animation_of(motion, rig)
+    assert not still.values[:, :n_identity].any()
+    still.values[:, :n_identity] = motion.shape
+    template = person_template(head, replace(motion, shape=motion.shape[:0]))[0]
+    poser = Poser(head, motion, np.float64)
+    assert np.abs(put_together(rig, template, still, 1) - poser(1)).max() <= ROUNDING_M
+
+
 def test_every_value_is_one_that_a_shape_key_can_hold(head: HeadModel, motion: Motion) -> None:
     rig = rig_of(head, motion)
     values = animation_of(motion, rig).values
