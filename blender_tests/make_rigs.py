@@ -20,7 +20,7 @@ import trimesh
 import sacha_core
 from sacha_core.flame.head_file import save_head
 from sacha_core.flame.model import HeadModel
-from sacha_core.flame.posing import Poser
+from sacha_core.flame.posing import Poser, person_template
 from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.interchange.capture import write_head_reference
 from sacha_core.interchange.capture_writer import CaptureWriter
@@ -150,6 +150,7 @@ def main(folder: Path) -> None:
         },
         dialled=posed(head, replace(dials, shape=np.zeros_like(dials.shape))),
         shaped=posed(head, dials),
+        somebody=person_template(head, dials)[0],
         arkit=head.v_template + deltas,
         other=posed(head, replace(captured, shape=decoded.shape)),
         last=last,

@@ -112,6 +112,7 @@ def test_a_head_that_is_nobodys_can_be_made_somebodys(addon: ModuleType, hard: b
     read = controls.read(hard, bpy.context.evaluated_depsgraph_get())
     assert np.array_equal(read["shape"], shape)
     assert np.array_equal(read["expression"], rigs.truth["dial_expression"][-1])
+    assert np.abs(controls.neutral(hard) - rigs.truth["somebody"]).max() <= STILL_ERROR_M
     bpy.ops.sacha.load_motion(filepath=str(rigs.folder / "other.npz"))
     again = controls.read(hard, bpy.context.evaluated_depsgraph_get())
     assert np.array_equal(again["shape"], shape)  # who it is stays, whoever the motion was tracked on

@@ -54,8 +54,7 @@ def measure(
         say({"stage": "measure", "done": timestep + 1, "total": len(frames)})
     write_parameters(footage / "flame_param.npz", rows, told["frame_rate"])
     np.save(footage / "posed.npy", np.stack(posed))
-    neutral = positions(head.data.shape_keys.reference_key.data)  # sculpted or not
-    np.save(footage / "unposed.npy", bridge.to_engine(neutral))
+    np.save(footage / "unposed.npy", controls.neutral(head))  # sculpted or not
     origin = {
         key: told[key]
         for key in ("renderer", "samples", "width", "height", "frames", "scene", "head", "cameras", "kept")

@@ -24,6 +24,7 @@ __all__ = [
     "head_of",
     "head_options",
     "motion_frame",
+    "neutral",
     "read",
     "remember_head",
     "rest",
@@ -159,6 +160,23 @@ def read(shown: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> dict[str, n
         "eyes": np.concatenate([turns["left_eye"], turns["right_eye"]]).astype(np.float32),
         "translation": translation.astype(np.float32),
     }
+
+
+def neutral(shown: bpy.types.Object) -> np.ndarray:
+    """Give (v, 3) vertices of the person's neutral head in the engine's axes, as sculpted, with its identity components as they are set."""
+    keys, rig = shown.data.shape_keys, shown.data.sacha_rig
+    rest = _points(keys.reference_key)
+    found = rest.copy()
+    for component in rig.expressions[: rig.n_identity]:
+        block = keys.key_blocks[component.name]
+        found += block.value * (_points(block) - rest)
+    return bridge.to_engine(found)
+
+
+def _points(key: bpy.types.ShapeKey) -> np.ndarray:
+    values = np.empty(3 * len(key.data), np.float32)
+    key.data.foreach_get("co", values)
+    return values.reshape(-1, 3)
 
 
 def _turn(bones: bpy.types.bpy_prop_collection, joint: str) -> tuple[float, ...]:
