@@ -10,9 +10,10 @@ from types import ModuleType, SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from conftest import Material, corner_colours
+from conftest import Material, corner_colours, positions
 
 SIZE = 256
+PLACE_ERROR_M = 2e-6  # float32 sums of metres, in another order
 
 
 def srgb_encoded(linear: np.ndarray) -> np.ndarray:
@@ -85,6 +86,19 @@ def test_splats_leave_as_numbered_files(opened: bpy.types.Object, material: Mate
     assert header.count("property float") == 62
     with pytest.raises(RuntimeError, match="--frames"):
         bpy.ops.sacha.export_splats(filepath=str(tmp_path / "none"), frames="77")
+
+
+def test_splats_leave_as_the_head_stands(opened: bpy.types.Object, tmp_path: Path) -> None:
+    bpy.ops.sacha.show_splats()
+    made = next(other for other in bpy.data.objects if other.sacha_splats.head == opened)
+    bpy.context.scene.frame_set(bpy.context.scene.frame_current + 2)  # the nodes follow: what they show is what leaves
+    points = made.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    shown = positions(points)[: len(made.data.vertices)]
+    bpy.ops.sacha.export_splats(filepath=str(tmp_path / "now.ply"), pose="SCENE")
+    header, _, body = (tmp_path / "now.ply").read_bytes().partition(b"end_header\n")
+    rows = np.frombuffer(body, "<f4").reshape(len(shown), -1)
+    assert header.startswith(b"ply")
+    assert np.abs(np.stack([rows[:, 0], -rows[:, 2], rows[:, 1]], axis=1) - shown).max() <= PLACE_ERROR_M
 
 
 @pytest.mark.parametrize("content", ["HEAD", "SPLATS"])

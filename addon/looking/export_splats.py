@@ -12,6 +12,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from .. import engine, preferences, running, sources
 from ..job import Job
+from .posed_head import save_vertices, source_of
 
 __all__ = ["CLASSES"]
 
@@ -30,6 +31,14 @@ class SachaExportSplats(bpy.types.Operator, ExportHelper):
         items=[
             ("PLY", "PLY", "As 3D Gaussian Splatting has it, which every splat viewer opens"),
             ("SPZ", "SPZ", "A tenth of the size; takes the program splat-transform"),
+        ],
+    )
+    pose: EnumProperty(
+        name="Pose",
+        description="How the head is posed",
+        items=[
+            ("MOTION", "Motion", "Frames of the avatar's own motion, or of the one in the scene's settings"),
+            ("SCENE", "As It Stands", "The active head as it stands in the scene at this frame, however it is posed"),
         ],
     )
     frames: StringProperty(
@@ -57,12 +66,19 @@ class SachaExportSplats(bpy.types.Operator, ExportHelper):
     def work(self, context: bpy.types.Context) -> running.Work:
         """Let the engine write them."""
         source, target = sources.avatar_source(context, self.source), sources.full_path(self.filepath)
-        python, options = preferences.engine_python(context), ["--format", self.format.lower(), "--frames", self.frames]
-        if context.scene.sacha.motion:
-            options += ["--motion", sources.full_path(context.scene.sacha.motion)]
+        python, options = preferences.engine_python(context), ["--format", self.format.lower()]
+        head, depsgraph = source_of(context)[0] if self.pose == "SCENE" else None, context.evaluated_depsgraph_get()
+        if head is not None:
+            options += ["--vertices", "vertices.npy"]  # in the job's folder, where the engine works
+        else:
+            options += ["--frames", self.frames]
+            if context.scene.sacha.motion:
+                options += ["--motion", sources.full_path(context.scene.sacha.motion)]
         options += sources.head_options(context)
 
         def command(folder: Path) -> list[str]:
+            if head is not None:
+                save_vertices(head, depsgraph, folder / "vertices.npy")
             return engine.command(python, "export", source, "-o", target, *options, "--json", folder / "report.json")
 
         def finish(job: Job) -> str:

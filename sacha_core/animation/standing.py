@@ -12,9 +12,9 @@ from sacha_core.avatar.motion import Motion
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import Poser
-from sacha_core.geometry.triangle import triangle_frames
+from sacha_core.geometry.triangle import TriangleFrames, triangle_frames
 
-__all__ = ["Standing"]
+__all__ = ["Standing", "standing_on"]
 
 
 class Standing:
@@ -58,7 +58,19 @@ class Standing:
         """
         if not 0 <= frame < len(self):
             raise OptionError(f"frame {frame} does not exist; the motion has frames 0 to {len(self) - 1}")
-        frames = triangle_frames(self._poser(frame), self._faces)
-        world = to_world(self._gaussians, frames)
-        log_scale = self._gaussians.log_scale + np.log(frames.scale)[self._gaussians.binding, None]
-        return replace(self._gaussians, position=world.means, log_scale=log_scale, quaternion=world.quaternions)
+        return standing_on(self._gaussians, triangle_frames(self._poser(frame), self._faces))
+
+
+def standing_on(gaussians: Gaussians, frames: TriangleFrames) -> Gaussians:
+    """Give canonical Gaussians as they stand on a posed head, as `Standing` does.
+
+    Args:
+        gaussians: n canonical ones.
+        frames: of each triangle of the posed head.
+
+    Raises:
+        GeometryError: a Gaussian is bound to a triangle that has no frame.
+    """
+    world = to_world(gaussians, frames)
+    log_scale = gaussians.log_scale + np.log(frames.scale)[gaussians.binding, None]
+    return replace(gaussians, position=world.means, log_scale=log_scale, quaternion=world.quaternions)

@@ -8,12 +8,12 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from sacha_core.cli.common import Common, FileOption, HeadSource, MaybeFloat, MaybeText
+from sacha_core.cli.common import Common, FileOption, HeadSource, MaybeFloat, MaybePath, MaybeText
 from sacha_core.cli.console import Console
 
 __all__ = ["INPUTS", "FormatName", "Options", "run"]
 
-INPUTS = ("avatar", "motion", "texture", "scheme")
+INPUTS = ("avatar", "motion", "texture", "scheme", "vertices")
 
 FormatName = Literal["ply", "gltf-splats", "spz", "gltf-head", "gaussian-avatars"]
 
@@ -44,6 +44,9 @@ class Options:
         None
     )
     """One frame (12), or a slice as in Python (0:100, ::2, all of them with a lone colon)."""
+
+    vertices: Annotated[MaybePath, tyro.conf.arg(metavar="FILE.npy", help_behavior_hint="")] = None
+    """Posed vertices (v, 3) of the head, metres, y up, instead of a frame of the motion."""
 
     texture: FileOption = None
     """With gltf-head: a PNG for the skin, by the head's texture coordinates, instead of the map of its regions."""

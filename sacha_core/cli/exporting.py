@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sacha_core.animation.standing import Standing
+from sacha_core.animation.standing import Standing, standing_on
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.cli.console import Console, kilobytes
 from sacha_core.cli.decode import ITERATION
+from sacha_core.cli.posing import read_vertices
 from sacha_core.cli.render import frame_range
 from sacha_core.cli.skin_picture import skin_picture
 from sacha_core.cli.sources import Opened
@@ -25,6 +26,7 @@ from sacha_core.files import write_aside
 from sacha_core.flame.model import JOINTS
 from sacha_core.flame.teeth import is_flame
 from sacha_core.flame.unwrap import unwrapped
+from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.interchange.capture import HEAD_JSON, write_head_reference
 from sacha_core.interchange.gaussian_avatars import (
     ARGUMENTS_NAME,
@@ -72,7 +74,7 @@ def require_consistent(options: Options) -> None:
         raise OptionError("--texture and --scheme both say what the skin shows; expected one of them")
     chosen = FORMATS[options.format]
     usual = type(options)
-    for name in ("frames", "y_down", "enlarge", "texture", "scheme"):
+    for name in ("frames", "vertices", "y_down", "enlarge", "texture", "scheme"):
         if getattr(options, name) != getattr(usual, name) and name not in chosen.takes:
             able = " and ".join(sorted(other for other, format_ in FORMATS.items() if name in format_.takes))
             raise OptionError(f"--{name.replace('_', '-')} is for {able}; --format {options.format} has no use for it")
@@ -86,8 +88,7 @@ def each_frame(
     """Give the format whose files each hold the Gaussians of one frame."""
 
     def write(opened: Opened, options: Options, console: Console) -> list[Path]:
-        standing = Standing(opened.avatar.gaussians, opened.head, opened.avatar.motion)
-        frames = chosen_frames(options.frames or "0", len(standing))
+        frames, standing = poses(opened, options)
         paths = frame_paths(options.output, frames, suffix)
         factor = enlarge if options.enlarge is None else options.enlarge
         for done, (frame, path) in enumerate(zip(frames, paths, strict=True), start=1):
@@ -103,7 +104,23 @@ def each_frame(
         console.wrote("splats", options.output, told)
         return paths
 
-    return Format(write, ("frames", "enlarge", *takes), enlarge)
+    return Format(write, ("frames", "vertices", "enlarge", *takes), enlarge)
+
+
+def poses(opened: Opened, options: Options) -> tuple[range, Callable[[int], Gaussians]]:
+    """Give the frames that are written, and what gives the Gaussians of each; a posed mesh is frame 0.
+
+    Raises:
+        SachaError: the avatar does not move as its head does, or there is no such frame or mesh.
+        OSError: the mesh cannot be read.
+    """
+    if options.vertices is None:
+        standing = Standing(opened.avatar.gaussians, opened.head, opened.avatar.motion)
+        return chosen_frames(options.frames or "0", len(standing)), standing
+    if options.frames is not None:
+        raise OptionError("--frames and --vertices both say how the head is posed; expected one of them")
+    frames = triangle_frames(read_vertices(options.vertices, opened.head), opened.head.faces)
+    return range(1), lambda _: standing_on(opened.avatar.gaussians, frames)
 
 
 def chosen_frames(text: str, n_frames: int) -> range:

@@ -64,3 +64,15 @@ def test_arrays_that_do_not_fit_are_one_line(refused, tmp_path: Path) -> None:
     (tmp_path / "colours.npy").write_bytes(b"nothing")
     assert "is no .npy file" in refused("bake", tmp_path, "-o", tmp_path / "a.png")
     assert not (tmp_path / "a.png").exists()
+
+
+def test_splats_leave_as_a_mesh_is_posed(sacha_file: Path, done, refused, tmp_path: Path) -> None:
+    avatar, head = sacha_core.decode(sacha_file), open_head("synthetic:small")
+    np.save(tmp_path / "v.npy", pose_vertices(head, avatar.motion, 2))
+    done("export", sacha_file, "--vertices", tmp_path / "v.npy", "-o", tmp_path / "mesh.ply")
+    done("export", sacha_file, "--frames", "2", "-o", tmp_path / "frame.ply")
+    assert (tmp_path / "mesh.ply").read_bytes() == (tmp_path / "frame.ply").read_bytes()
+    both = ("--vertices", tmp_path / "v.npy", "--frames", "1", "-o", tmp_path / "no.ply")
+    assert "both say how the head is posed" in refused("export", sacha_file, *both)
+    given = ("--format", "gltf-head", "--vertices", tmp_path / "v.npy", "-o", tmp_path / "no.glb")
+    assert "has no use for it" in refused("export", sacha_file, *given)
