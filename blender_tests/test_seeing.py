@@ -285,6 +285,24 @@ def test_avatars_of_other_heads_are_not_compared(seen: bpy.types.Object, materia
     assert [fact.name for fact in seen.data.sacha.facts] == before
 
 
+def test_numbers_that_somebody_removed_are_missed_and_come_back(addon: ModuleType, seen: bpy.types.Object) -> None:
+    mesh, painting = seen.data, part(addon, "painting")
+    mesh.sacha.view = "COUNT"
+    assert painting.complaint(mesh) == ""
+    mesh.attributes.remove(mesh.attributes["opacity_level"])
+    mesh.attributes.remove(mesh.attributes[COLOURS])
+    mesh.sacha.view = "OPACITY"
+    assert "has lost its attribute opacity_level" in painting.complaint(mesh)
+    mesh.sacha.by = "REGION"
+    assert painting.complaint(mesh) == ""
+    assert bpy.ops.sacha.refresh() == {"FINISHED"}
+    mesh.sacha.by = "TRIANGLE"
+    assert painting.complaint(mesh) == ""
+    assert mesh.color_attributes.active_color.name == COLOURS
+    mesh.attributes.remove(mesh.attributes["region"])
+    bpy.ops.sacha.select_region(region="mouth")  # finds nothing, and says so
+
+
 def test_linked_duplicates_show_the_same(seen: bpy.types.Object) -> None:
     twin = seen.copy()
     bpy.context.collection.objects.link(twin)

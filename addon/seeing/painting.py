@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import bridge
 
-__all__ = ["COLOURS", "PALETTES", "level_attribute", "paint", "palette_of"]
+__all__ = ["COLOURS", "PALETTES", "complaint", "level_attribute", "paint", "painted_by", "palette_of"]
 
 COLOURS = "sacha_colour"  # the colour attribute
 PALETTES = "sacha_palettes"  # custom property of the mesh
@@ -31,14 +31,30 @@ def palette_of(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
     return rows if len(rows) else np.array([[0.0, 0.0, 0.0, 1.0]], np.float32)
 
 
+def painted_by(mesh: bpy.types.Mesh) -> str:
+    """Name of the attribute that the shown view gets its colours by; empty where nothing is shown."""
+    view = mesh.sacha.shown_view()
+    if view is None:
+        return ""
+    return "region" if mesh.sacha.by == "REGION" and len(view.by_region) > 0 else level_attribute(view.name)
+
+
+def complaint(mesh: bpy.types.Mesh) -> str:
+    """Say that the colours are not those of the view that is chosen, because somebody removed its numbers; empty where all is well."""
+    attribute = painted_by(mesh)
+    if not attribute or attribute in mesh.attributes:
+        return ""
+    return f"The mesh has lost its attribute {attribute}, so that its colours are of another view: Read Again brings it back"
+
+
 def paint(mesh: bpy.types.Mesh) -> None:
-    """Show the view that the mesh has chosen; leave the colours alone where its numbers are gone."""
+    """Show the view that the mesh has chosen; leave the colours alone where its numbers are gone, which `complaint` tells."""
     shown = mesh.sacha
     view = shown.shown_view()
     if view is None:
         return
-    by_region = shown.by == "REGION" and len(view.by_region) > 0
-    attribute = "region" if by_region else level_attribute(view.name)
+    attribute = painted_by(mesh)
+    by_region = attribute == "region"
     palette = palette_of(mesh, view.palette)
     if by_region:
         levels = np.array([number.level for number in view.by_region], np.int32)

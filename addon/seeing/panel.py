@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..telling.lines import draw_sentence
+from . import painting
 from .shown import edited, shown_by
 from .table import draw_table
 
@@ -35,8 +36,9 @@ class SachaShownPanel(bpy.types.Panel):
         layout, shown = self.layout, shown_by(context)
         for fact in shown.facts:
             draw_sentence(layout, context, fact.name)
-        if complaint := edited(shown.id_data):
-            draw_sentence(layout, context, complaint, "ERROR")
+        for complaint in (edited(shown.id_data), painting.complaint(shown.id_data)):
+            if complaint:
+                draw_sentence(layout, context, complaint, "ERROR")
         if not shown.views:
             draw_sentence(layout, context, "Its regions are not known: name its head model and open it again", "INFO")
         else:
