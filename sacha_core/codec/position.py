@@ -17,7 +17,7 @@ from sacha_core.codec.predicted import decode_predicted, encode_predicted, rough
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import MAX_EXPONENT, PER_OCTAVE, STEPS, Classes, StepRule, dequantise
 
-__all__ = ["TRIANGLE", "WORLD", "decode_position", "encode_position"]
+__all__ = ["TRIANGLE", "WORLD", "choose_domain", "decode_position", "encode_position", "gradient_by_position"]
 
 TRIANGLE, WORLD = 0, 1  # domains
 UNIT = 2.0**-16  # of a triangle's scale
@@ -36,16 +36,31 @@ def encode_position(
     layout: Layout, position: Float[np.ndarray, "n 3"], classes: Classes, rule: StepRule, worth: Worth = PLAIN
 ) -> tuple[bytes, Float[np.ndarray, "n 3"]]:
     """Code positions by a rule for triangle units; give the section and what the decoder will have."""
+    domain, rule, values, steps = choose_domain(layout, position, classes, rule)
+    coded, decoded = encode_predicted(layout, values, steps, worth)
+    return bytes([domain]) + rule.pack() + coded, in_triangles(layout, decoded, domain)
+
+
+def choose_domain(
+    layout: Layout, position: Float[np.ndarray, "n 3"], classes: Classes, rule: StepRule
+) -> tuple[int, StepRule, Int[np.ndarray, "n 3"], Int[np.ndarray, "n 1"]]:
+    """Give the domain that is likely to need fewer bytes, and rule, integers and steps in it."""
     values = np.rint(position.astype(np.float64) / UNIT).astype(np.int64)
     steps = position_steps(layout, classes, rule, TRIANGLE)
-    domain = TRIANGLE
     if layout.template.known:
         world_rule, world_values = rule_for_world(layout, rule), to_world(layout, position)
         world_steps = position_steps(layout, classes, world_rule, WORLD)
         if rough_bits(layout, world_values, world_steps) < rough_bits(layout, values, steps):
-            domain, rule, values, steps = WORLD, world_rule, world_values, world_steps
-    coded, decoded = encode_predicted(layout, values, steps, worth)
-    return bytes([domain]) + rule.pack() + coded, in_triangles(layout, decoded, domain)
+            return WORLD, world_rule, world_values, world_steps
+    return TRIANGLE, rule, values, steps
+
+
+def gradient_by_position(layout: Layout, by_values: Float[np.ndarray, "n 3"], domain: int) -> Float[np.ndarray, "n 3"]:
+    """Carry a gradient by the integers of a domain back to positions in triangle units."""
+    if domain == TRIANGLE:
+        return by_values / UNIT
+    frames = layout.template.frames(layout.binding)
+    return np.asarray(np.einsum("ijn,ni->nj", frames.axes, by_values) * (PER_CELL * frames.scale)[:, None])
 
 
 def in_triangles(layout: Layout, values: Int[np.ndarray, "n 3"], domain: int) -> Float[np.ndarray, "n 3"]:

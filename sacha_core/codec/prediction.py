@@ -21,7 +21,7 @@ from sacha_core.codec.order import KINDS, Layout, Pass, trusted, weighted_mean
 from sacha_core.codec.places import TRUST_BITS
 from sacha_core.codec.reading import ByteReader
 
-__all__ = ["LIMIT", "Linear", "Mixture", "Prediction", "fit_mixture"]
+__all__ = ["LIMIT", "WEIGHT_BITS", "Linear", "Mixture", "Prediction", "fit_mixture", "lists_of"]
 
 LIMIT = 1 << 40  # no attribute comes near; a decoder stops before sums could leave 64 bits
 TERMS = 2  # neighbours, mates

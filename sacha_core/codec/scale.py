@@ -19,7 +19,7 @@ from sacha_core.codec.predicted import decode_predicted, encode_predicted
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import Classes, StepRule, dequantise
 
-__all__ = ["classes_of", "decode_scale", "encode_scale", "known_classes"]
+__all__ = ["classes_of", "coded_scales", "decode_scale", "encode_scale", "known_classes", "steps_of"]
 
 UNIT = 2.0**-12  # of a natural logarithm
 HALF_OCTAVES = 189093  # 2 / ln 2 in 16 fractional bits: half octaves in a natural logarithm
@@ -57,9 +57,15 @@ def encode_scale(
     Returns:
         The section and the integers that the decoder will have.
     """
-    values = np.rint(log_scale.astype(np.float64) / UNIT).astype(np.int64) + triangle_log_size(layout)[:, None]
-    coded, decoded = encode_predicted(layout, values, steps_of(rules, classes), worth)
+    coded, decoded = encode_predicted(layout, coded_scales(layout, log_scale), steps_of(rules, classes), worth)
     return b"".join(rule.pack() for rule in rules) + coded, decoded
+
+
+def coded_scales(layout: Layout, log_scale: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n 3"]:
+    """Integers that stand for sorted log-scales."""
+    return np.asarray(
+        np.rint(log_scale.astype(np.float64) / UNIT).astype(np.int64) + triangle_log_size(layout)[:, None]
+    )
 
 
 def steps_of(rules: tuple[StepRule, ...], classes: Classes) -> Int[np.ndarray, "n 3"]:

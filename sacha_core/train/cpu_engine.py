@@ -119,6 +119,11 @@ class CpuEngine:
             if self._motion:
                 step_motion(self._state, self._timestep, self._motion, rates)
 
+    def add(self, slopes: Mapping[str, np.ndarray]) -> None:
+        """Add to the gradients kept: of what is lost beside the pictures."""
+        for name, slope in slopes.items():
+            self._gradients.by_name[name] += slope
+
     def losses(self) -> dict[str, float]:
         """Give the mean losses of the iterations without fault since the last call."""
         means = {name: total / self._summed for name, total in self._sums.items()}

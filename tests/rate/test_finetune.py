@@ -15,6 +15,7 @@ from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.perception.psnr import psnr
 from sacha_core.raster.scene import render_avatar
+from sacha_core.rate.curvature import importance_of
 from sacha_core.rate.finetune import TuningOptions, finetune
 from sacha_core.rate.pictures import own_pictures
 from sacha_core.rate.quantised import quantised
@@ -23,6 +24,7 @@ from sacha_core.rate.views import protocol_shots
 LEVEL = 1
 GAINED_DB = 0.5  # at least; about 2 dB are typical
 SAME_SIZE = 1.03  # of the file, at most
+SAVED = 0.995  # of the bytes, by a few steps on Gaussians that have nothing in common
 SAME_PICTURE_DB = 75.0  # quaternions rounded another way, which may move an edge at 1/255 by a pixel
 
 
@@ -68,6 +70,17 @@ def test_tuned_file_looks_more_like_the_avatar_at_the_same_size(avatar, head):
     assert len(files[1]) < SAME_SIZE * len(files[0])
 
 
+def test_file_is_smaller_where_its_bits_count(avatar, head):
+    """Oracle: the encoder. Bits that count a hundred times what they are worth are saved, whatever becomes of pictures."""
+    poses, steps = own_pictures(avatar, head, 2, 2)
+    posed, importance = replace(avatar, motion=poses), importance_of(avatar, head)
+    sizes = []
+    for rate in (0.0, 100.0):
+        found = finetune(posed, head, LEVEL, steps, importance, TuningOptions(30, rate=rate))
+        sizes.append(len(encode(replace(avatar, gaussians=found), LEVEL, head=head, importance=importance)))
+    assert sizes[1] < SAVED * sizes[0]
+
+
 def test_threads_change_nothing(avatar, head):
     poses, steps = own_pictures(avatar, head, 2, 1)
     posed = replace(avatar, motion=poses)
@@ -88,6 +101,12 @@ def test_quantised_gaussians_are_the_decoded_ones_in_the_order_given(avatar, hea
     assert np.median(moved) < 0.1 * np.median(
         np.abs(avatar.gaussians.quaternion)
     )  # not another description of the same turn
+
+
+@pytest.mark.parametrize("rate", [-1.0, float("nan"), float("inf")])
+def test_what_is_no_rate_is_refused(rate):
+    with pytest.raises(OptionError, match="the rate counts"):
+        TuningOptions(rate=rate)
 
 
 def test_nothing_to_look_at_is_refused(avatar, head):
