@@ -20,7 +20,7 @@ from pathlib import Path
 from ..processes import DETACHED, Process, find_process
 from ..told import LOG, PRINTED, REPORT
 
-__all__ = ["ENVIRONMENT", "Run", "find_run", "reap", "start_run", "stop", "write_run"]
+__all__ = ["Run", "find_run", "reap", "start_run", "stop", "write_run"]
 
 PLACE, RECORD = "run", "run.json"
 SILENCE_S = 120.0  # after which a run on another machine is thought to have ended
