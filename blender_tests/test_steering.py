@@ -255,4 +255,5 @@ def test_the_panels_draw_what_is_asked_and_what_came_of_it(
     asked = request.getfixturevalue("applied").data.sacha_steering
     assert outcome.poll(bpy.context)
     shown = texts(drawn_by(outcome))
-    assert {"mouth", f"{asked.outcome['mouth'].after:,}", f"{asked.bytes_after:,}"} <= set(shown)
+    bytes_told = f"Bytes: was {asked.bytes_before:,}, is {asked.bytes_after:,}"
+    assert {"mouth", f"{asked.outcome['mouth'].after:,}", bytes_told} <= set(shown)

@@ -128,6 +128,13 @@ def favour() -> None:
         regions["mouth"].weight = 2.0
 
 
+def spend() -> None:
+    """Apply the budget, so that there is an outcome."""
+    asked = bpy.context.object.data.sacha_steering
+    asked.limit, asked.views, asked.regions["neck"].highest_share = "SHARE", 16, 10.0
+    bpy.ops.sacha.apply_budget(filepath=str(Path(FOLDER) / "steered.sacha"))
+
+
 def rest() -> None:
     """Let Blender draw, and the mouse move."""
 
@@ -146,7 +153,7 @@ STEPS: list[Callable[[], object]] = [
     start, look, choose_tab, widen, *[rest] * 4,
     lambda: open_only("SACHA_PT_shown", "SACHA_PT_regions"), take("seeing_region"),
     show("COUNT"), take("seeing_count"), show("BYTES"), take("seeing_bytes"),
-    favour, lambda: open_only("SACHA_PT_budget", "SACHA_PT_outcome"), take("steering"),
+    favour, spend, lambda: open_only("SACHA_PT_budget", "SACHA_PT_outcome"), take("steering"),
     lambda: open_only("SACHA_PT_look", "SACHA_PT_preview"), take("looking"),
     lambda: open_only("SACHA_PT_files", "SACHA_PT_training", "SACHA_PT_film"), take("making"),
     lambda: open_only("SACHA_PT_controls"), take("controls"),

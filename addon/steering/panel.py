@@ -10,7 +10,7 @@ from ..seeing.shown import shown_by
 __all__ = ["CLASSES"]
 
 ROWS = 8  # regions of the paper's scheme
-WIDE, NARROW = 0.45, 0.5  # parts of a line
+WIDE, NAMES = 0.5, 0.32  # parts of a line: a region's name in the list, and in the table
 
 
 class SACHA_UL_budget(bpy.types.UIList):  # noqa: N801  (Blender wants such names)
@@ -82,10 +82,10 @@ def _draw_regions(layout: bpy.types.UILayout, asked: bpy.types.PropertyGroup) ->
     if not 0 <= asked.active < len(asked.regions):
         return
     region = asked.regions[asked.active]
-    row = layout.row(align=True)
-    row.active = not region.locked
-    row.prop(region, "lowest_share")
-    row.prop(region, "highest_share")
+    column = layout.column(align=True)
+    column.active = not region.locked
+    column.prop(region, "lowest_share")
+    column.prop(region, "highest_share")
 
 
 def _draw_limit(layout: bpy.types.UILayout, context: bpy.types.Context, asked: bpy.types.PropertyGroup) -> None:
@@ -94,9 +94,9 @@ def _draw_limit(layout: bpy.types.UILayout, context: bpy.types.Context, asked: b
     if asked.limit == "SIZE":
         layout.prop(asked, "target_kb")
     else:
-        row = layout.row(align=True)
-        row.prop(asked, "keep")
-        row.prop(context.scene.sacha, "level")
+        column = layout.column(align=True)
+        column.prop(asked, "keep")
+        column.prop(context.scene.sacha, "level")
     layout.prop(asked, "measure")
     layout.prop(asked, "dataset")
 
@@ -132,28 +132,34 @@ class SachaOutcomePanel(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         asked = context.object.data.sacha_steering
-        pictures = any(row.known_before or row.known_after for row in asked.outcome)
-        column = self.layout.column(align=True)
-        _draw_line(column, "Region", "Before", "After", *(("dB before", "dB after") if pictures else ()))
-        for row in asked.outcome:
-            decibels = (
-                f"{value:.1f}" if known else "-"
-                for known, value in ((row.known_before, row.psnr_before_db), (row.known_after, row.psnr_after_db))
-            )
-            _draw_line(column, row.name, f"{row.before:,}", f"{row.after:,}", *(decibels if pictures else ()))
+        rows = list(asked.outcome)
+        columns = [["Was", *(f"{row.before:,}" for row in rows)], ["Is", *(f"{row.after:,}" for row in rows)]]
+        if any(row.known_before for row in rows):
+            columns.append(["dB was", *(_decibels(row.psnr_before_db, row.known_before) for row in rows)])
+        if any(row.known_after for row in rows):
+            columns.append(["dB is", *(_decibels(row.psnr_after_db, row.known_after) for row in rows)])
+        _draw_columns(self.layout, ["Region", *(row.name for row in rows)], columns)
         before = f"{asked.bytes_before:,}" if asked.bytes_before else "-"
-        _draw_line(column, "Bytes", before, f"{asked.bytes_after:,}", *(("", "") if pictures else ()))
+        self.layout.label(text=f"Bytes: was {before}, is {asked.bytes_after:,}")
 
 
-def _draw_line(column: bpy.types.UILayout, name: str, *values: str) -> None:
-    """Draw one line of the table."""
-    split = column.split(factor=1 - NARROW if len(values) < 3 else 0.3)
-    split.label(text=name)
-    row = split.row()
-    for value in values:
-        cell = row.row()
-        cell.alignment = "RIGHT"
-        cell.label(text=value)
+def _decibels(value: float, known: bool) -> str:
+    return f"{value:.1f}" if known else "-"
+
+
+def _draw_columns(layout: bpy.types.UILayout, names: list[str], columns: list[list[str]]) -> None:
+    """Draw a table of names and numbers, each column as wide from top to bottom."""
+    split = layout.split(factor=NAMES)
+    column = split.column(align=True)
+    for name in names:
+        column.label(text=name)
+    rest = split.row(align=True)
+    for texts in columns:
+        column = rest.column(align=True)
+        for text in texts:
+            cell = column.row()
+            cell.alignment = "RIGHT"
+            cell.label(text=text)
 
 
 CLASSES = (SACHA_UL_budget, SachaBudgetPanel, SachaOutcomePanel)
