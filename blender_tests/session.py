@@ -36,6 +36,7 @@ class Sitting:
         favoured: the region whose weight is raised.
         weight: to what.
         size: of the pictures, pixels each way.
+        score_views: pictures from which it is told what each Gaussian is worth.
         pictures: by the name of the view, (h, w, 4) bytes.
         seconds: by step, how long it took.
         told: figures by name.
@@ -47,6 +48,7 @@ class Sitting:
     favoured: str = "mouth"
     weight: float = 2.0
     size: int = 160
+    score_views: int = 16
     pictures: dict[str, np.ndarray] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
     told: dict[str, Any] = field(default_factory=dict)
@@ -99,6 +101,7 @@ def apply_weighted(sitting: Sitting) -> None:
 
 def applied(sitting: Sitting, name: str, weights: str) -> dict[str, Any]:
     """Apply a budget; give the file's bytes and each region's Gaussians, as the mesh tells them."""
+    shown().data.sacha_steering.views = sitting.score_views
     bpy.ops.sacha.apply_budget(filepath=str(sitting.folder / name), target_kb=sitting.target_kb, weights=weights)
     mesh = shown().data
     n_bytes = (sitting.folder / name).stat().st_size
