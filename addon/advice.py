@@ -28,7 +28,7 @@ ADVICE = {
     "MissingHeadError": "Choose its head model under Head. FLAME is licensed and no part of SACHA: get yours at flame.is.tue.mpg.de",
     "MissingMasksError": "Choose FLAME_masks.pkl or .npz under Masks. It is licensed with FLAME: get it at flame.is.tue.mpg.de",
     "TopologyError": "Choose the head that it was made with under Head; a mesh keeps that head's vertices and triangles, in their order",
-    "VersionError": f"A newer SACHA wrote it. Update the engine: run {UPGRADE} with the engine's Python",
+    "VersionError": f"If it is newer, update the engine: run {UPGRADE} with its Python; if it is older, encode it again from its avatar",
     "ModuleNotFoundError": "Run that with the engine's Python, and try again",
     "FormatError": "The file is damaged, cut short, or of another kind: get it again from where it came",
     "FileNotFoundError": "Choose the file again: it was moved, renamed or removed",

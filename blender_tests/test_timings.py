@@ -23,7 +23,15 @@ OPEN_S = 0.5
 SWITCH_S = 0.05
 OPERATOR_S = 0.2  # without a job
 REPEATS = 3  # of which the fastest counts: the first may load or allocate what later ones find
-WITHOUT_JOB = ("dismiss", "copy_diagnostics", "select_region", "sort_regions", "show_splats", "update_splats")
+OPERATORS = {
+    "copy_diagnostics": {},
+    "select_region": {"region": "mouth"},
+    "add_cameras": {"count": 4},
+    "rest": {},
+    "show_splats": {},
+    "update_splats": {},
+    "remove_splats": {},
+}
 
 
 @dataclass
@@ -124,11 +132,11 @@ def run_operators(times: Times) -> dict[str, float]:
     """Run what runs without a job, and what a job's operator does before and after it."""
     there = set(dir(bpy.ops.sacha))
     taken = {}
-    for name in [name for name in WITHOUT_JOB if name in there]:
+    for name, options in OPERATORS.items():
         operator = getattr(bpy.ops.sacha, name)
-        if operator.poll():
-            for _ in range(REPEATS):
-                taken[name] = times.take(name, operator)
+        for _ in range(REPEATS if name in there and operator.poll() else 0):
+            if operator.poll():
+                taken[name] = times.take(name, lambda operator=operator, options=options: operator(**options))
     return taken
 
 
