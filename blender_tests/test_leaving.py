@@ -132,3 +132,6 @@ def test_panels_draw_what_layouts_take(opened: bpy.types.Object) -> None:
         *("sacha.show_splats", "sacha.export_splats", "sacha.export_gltf", "sacha.bake_heat_map")
     ]
     assert operators(drawn_by(preview)) == ["sacha.render_preview"]
+    bpy.ops.sacha.show_splats()
+    next(other for other in bpy.data.objects if other.sacha_splats.head == opened).sacha_splats.soft = True
+    assert operators(drawn_by(look))[:2] == ["sacha.update_splats", "sacha.remove_splats"]

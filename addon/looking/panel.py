@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 
+from ..telling.lines import draw_sentence
 from . import pictures
 from .posed_head import chosen_head, splats_on
 
@@ -37,20 +40,22 @@ class SachaLookPanel(bpy.types.Panel):
         if splats is None:
             layout.operator("sacha.show_splats", icon="POINTCLOUD_DATA")
         else:
-            _draw_splats(layout, head, splats)
-        row = layout.row(align=True)
-        row.operator("sacha.export_splats", text="Splats...", icon="EXPORT")
-        row.operator("sacha.export_gltf", text="glTF...")
-        row.operator("sacha.bake_heat_map", text="Heat Map...")
+            _draw_splats(layout, context, head, splats)
+        column = layout.column(align=True)
+        column.operator("sacha.export_splats", text="Export Splats...", icon="EXPORT")
+        column.operator("sacha.export_gltf", text="Export glTF...", icon="EXPORT")
+        column.operator("sacha.bake_heat_map", text="Bake Heat Map...", icon="TEXTURE")
 
 
-def _draw_splats(layout: bpy.types.UILayout, head: bpy.types.Object, splats: bpy.types.Object) -> None:
+def _draw_splats(
+    layout: bpy.types.UILayout, context: bpy.types.Context, head: bpy.types.Object, splats: bpy.types.Object
+) -> None:
     """Draw how splats are shown, and what is to be known of them."""
     settings = splats.sacha_splats
-    if settings.source != bpy.path.abspath(head.data.sacha.source):
-        layout.label(text="These are splats of another file: update them", icon="INFO")
+    if Path(settings.source) != Path(bpy.path.abspath(head.data.sacha.source)).absolute():
+        draw_sentence(layout, context, "These are splats of another file: update them", icon="INFO")
     if settings.follow and len(head.data.polygons) != settings.n_faces:
-        layout.label(text="The mesh was edited: splats stay where they were", icon="ERROR")
+        draw_sentence(layout, context, "The mesh was edited: splats stay where they were", icon="ERROR")
     row = layout.row(align=True)
     row.operator("sacha.update_splats", text="Update", icon="FILE_REFRESH")
     row.operator("sacha.remove_splats", text="Remove", icon="X")
@@ -60,7 +65,7 @@ def _draw_splats(layout: bpy.types.UILayout, head: bpy.types.Object, splats: bpy
     for name in ("follow", "soft", "size", "least_opacity"):
         column.prop(settings, name)
     if settings.soft:
-        layout.label(text="Cycles: raise Transparent in Light Paths to 256", icon="INFO")
+        draw_sentence(layout, context, "Cycles: raise Transparent in Light Paths to 256", icon="INFO")
 
 
 class SachaPreviewPanel(bpy.types.Panel):
@@ -75,19 +80,22 @@ class SachaPreviewPanel(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, chosen = self.layout, context.scene.sacha_looking
-        layout.use_property_split = True
+        layout.use_property_decorate = False
         layout.operator_context = "INVOKE_DEFAULT"
-        for name in ("level", "against", "error"):
-            layout.prop(chosen, name)
+        layout.prop(chosen, "level", text="Draw")
+        column = layout.column(align=True)
+        column.label(text="Compared with")
+        column.prop(chosen, "against", text="")
+        layout.prop(chosen, "error")
         if chosen.error != "NONE":
             layout.prop(chosen, "brightest")
             if chosen.level == "FILE" and not chosen.against:
-                layout.label(text="For an error choose a level, or an avatar to compare with", icon="INFO")
+                draw_sentence(layout, context, "For an error choose a level, or an avatar to compare with", icon="INFO")
         if context.scene.camera is None:
-            layout.label(text="The scene has no camera: add one", icon="INFO")
+            draw_sentence(layout, context, "The scene has no camera: add one", icon="INFO")
         layout.operator("sacha.render_preview", icon="RENDER_STILL")
         if chosen.told:
-            layout.label(text=chosen.told)
+            draw_sentence(layout, context, chosen.told)
         for name in (pictures.PREVIEW, pictures.ERROR):
             image = pictures.picture(name)
             if image is not None:
