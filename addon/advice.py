@@ -21,7 +21,6 @@ ADVICE = {
     "EngineKilled": "Perhaps memory ran out: close other programs, and try again",
     "EngineBroken": "That is a fault of SACHA, not yours: Copy Diagnostics, and send them to its authors",
     "OutOfTime": "Raise the Time Limit in the add-on's preferences, and try again",
-    "EditedMesh": "Undo the edit, or open the file again: numbers belong to triangles as they were opened",
     "StaleWorker": "Start it again; what was finished before is kept, and found again",
     "Unreadable": "Try again; if it comes back, Copy Diagnostics, and send them to SACHA's authors",
     # told by the engine

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, StringProperty
 
-from .. import bridge
+from .. import bridge, problem
 from .active import mesh_of
 
 __all__ = ["CLASSES", "select_faces"]
@@ -79,8 +79,7 @@ class SachaSelectRegion(bpy.types.Operator):
             chosen = regions[mesh.sacha.active_region]
         if chosen is None:
             known = ", ".join(regions.keys())
-            self.report({"ERROR"}, f"No region {self.region!r}; there are {known}")
-            return {"CANCELLED"}
+            return problem.tell(self, f"No region {self.region!r}; there are {known}")
         if mesh.is_editmode:
             context.tool_settings.mesh_select_mode = (False, False, True)
         n_faces = select_faces(mesh, {chosen.place}, extend=self.extend)

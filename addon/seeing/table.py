@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import EnumProperty
 
+from .. import problem
 from .shown import SORTS, TABLES, shown_by
 
 __all__ = ["CLASSES", "draw_table", "order_of"]
@@ -129,8 +130,7 @@ class SachaSortRegions(bpy.types.Operator):
         """Sort: numbers with the largest first, regions in their order."""
         shown = shown_by(context)
         if self.by not in shown.columns.split():
-            self.report({"ERROR"}, f"Nothing is known of {self.by} here")
-            return {"CANCELLED"}
+            return problem.tell(self, f"Nothing is known of {self.by} here")
         shown.sort_down = not shown.sort_down if shown.sort_by == self.by else self.by != "place"
         shown.sort_by = self.by
         return {"FINISHED"}
