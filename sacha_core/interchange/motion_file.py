@@ -13,6 +13,8 @@ from sacha_core.npz import read_npz
 
 __all__ = ["read_motion"]
 
+HEADS_OWN = {"v_template", "verts"}  # arrays that heads and rigs have, and no motion
+
 
 def read_motion(path: str | os.PathLike[str], head: HeadModel | None = None) -> Motion:
     """Read FLAME parameters in GaussianAvatars' layout, or weights of blend shapes; the arrays' names tell which.
@@ -27,6 +29,8 @@ def read_motion(path: str | os.PathLike[str], head: HeadModel | None = None) -> 
         OSError: the file cannot be read.
     """
     arrays = read_npz(path, skip=(DYNAMIC_OFFSET,))
+    if HEADS_OWN & arrays.keys():  # whose skinning weights are not those of blend shapes
+        raise FormatError(f"{path} is a head, expected a motion: 'expr' (FLAME parameters) or 'weights' (blend shapes)")
     try:
         if "weights" in arrays:
             return arkit_from_arrays(arrays, head)

@@ -11,7 +11,9 @@ import pytest
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.errors import FormatError, HeadError, SachaError
+from sacha_core.flame.head_file import save_head
 from sacha_core.flame.model import HeadModel
+from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.interchange.arkit_motion import read_arkit_motion
 from sacha_core.interchange.gaussian_avatars import (
     model_iterations,
@@ -222,6 +224,12 @@ def test_wrong_weights_are_named(tmp_path: Path, changes: dict[str, np.ndarray],
     for read in (read_arkit_motion, read_motion):
         with pytest.raises(FormatError, match=message):
             read(tmp_path / "a.npz")
+
+
+def test_a_head_is_no_motion_though_it_has_weights(tmp_path: Path) -> None:
+    save_head(synthetic_head("small"), tmp_path / "head.npz")
+    with pytest.raises(FormatError, match="is a head, expected a motion"):
+        read_motion(tmp_path / "head.npz")
 
 
 def test_files_that_hold_no_motion(tmp_path: Path) -> None:
