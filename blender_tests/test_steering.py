@@ -95,9 +95,15 @@ def test_the_mouth_keeps_more_where_it_weighs_more_and_the_file_meets_its_size(
         assert (avatar.data.sacha.source, avatar.data.sacha_steering.origin) == (str(path), origin)
         consistent(avatar)
         kept.append(regions(avatar))
+        if name == "neutral":
+            spent = [row.n_bytes for row in avatar.data.sacha.regions]
+            assert 0 < sum(spent) < path.stat().st_size
     assert kept[0]["mouth"] < kept[1]["mouth"] <= before["mouth"]
     rows = avatar.data.sacha_steering.outcome
     assert {row.name: row.before for row in rows} == kept[0]
+    table = avatar.data.sacha.regions
+    assert {row.name: row.before for row in table} == kept[0]
+    assert [row.before_bytes for row in table] == spent
     assert all(row.known_before and row.known_after for row in rows if row.after)
     assert rows["mouth"].psnr_after_db > rows["mouth"].psnr_before_db
     assert np.array_equal(positions(avatar.data), vertices)
