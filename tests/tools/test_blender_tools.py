@@ -60,7 +60,7 @@ def test_where_blender_cannot_be_had_one_line_says_so(
     value: str,
     status: int,
 ) -> None:
-    def refuse() -> None:
+    def refuse(_releases: object = ()) -> None:
         raise env.UnavailableError("apt-get install libegl1")
 
     for name in ("CI", "SACHA_REQUIRE_BLENDER"):
@@ -69,6 +69,43 @@ def test_where_blender_cannot_be_had_one_line_says_so(
     monkeypatch.setattr(runner, "install_all", refuse)
     assert runner.main([]) == status
     assert capsys.readouterr().err == "Blender tests left out: apt-get install libegl1\n"
+    executable = importlib.import_module("test_executable")
+    monkeypatch.setattr(executable, "install_all", refuse)
+    assert executable.main() == status
+    assert capsys.readouterr().err == "Checks in a Blender executable left out: apt-get install libegl1\n"
+
+
+def test_an_executable_is_the_one_named_or_found_and_else_installed(
+    env: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    there: dict[str, str] = {}
+
+    def install(packages: list[str], _by_hand: str) -> None:
+        there.update({"blender": f"/usr/bin/{packages[0]}", f"/usr/bin/{packages[0]}": "there"})
+
+    monkeypatch.delenv("SACHA_BLENDER", raising=False)
+    monkeypatch.setattr(env.shutil, "which", there.get)
+    monkeypatch.setattr(env, "install_packages", install)
+    assert env.executable() == "/usr/bin/blender"
+    there.update({"blender": "/opt/blender", "/opt/blender": "there"})
+    assert env.executable() == "/opt/blender"
+    monkeypatch.setenv("SACHA_BLENDER", str(tmp_path / "nowhere"))
+    with pytest.raises(env.UnavailableError, match="nowhere"):
+        env.executable()
+
+
+@pytest.mark.parametrize(("arguments", "oldest"), [([], False), (["--all"], True)])
+def test_the_oldest_blender_is_tested_when_asked_for(
+    runner: ModuleType, env: ModuleType, monkeypatch: pytest.MonkeyPatch, arguments: list[str], oldest: bool
+) -> None:
+    started: dict[str, list[str]] = {}
+    monkeypatch.setattr(runner, "install_all", lambda _: None)
+    monkeypatch.setattr(runner, "build", lambda: Path("a.zip"))
+    monkeypatch.setattr(runner, "start", lambda release, _zip, _folder, more: started.setdefault(release, more))
+    monkeypatch.setattr(runner, "finish", lambda *_: None)
+    assert runner.main([*arguments, "-x"]) == 0
+    assert set(started) == {*env.BLENDERS, *(env.OLDEST if oldest else ())}
+    assert all(more == ["-x"] for more in started.values())
 
 
 @pytest.mark.parametrize("why", ["not root", "no apt-get"])
