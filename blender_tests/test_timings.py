@@ -100,7 +100,7 @@ def test_the_main_thread_is_never_held_up(times: Times, large: Path, tmp_path: P
     head = bpy.context.object
     switching = switch_views(times, head.data.sacha)
     operating = run_operators(times)
-    reading = times.take("read a saved file", lambda: save_and_reload(tmp_path / "large.blend"))
+    reading = times.take("save and read again", lambda: save_and_reload(tmp_path / "large.blend"))
     assert max(switching.values()) < SWITCH_S, switching
     assert max(operating.values()) < OPERATOR_S, operating
     assert reading < 2 * OPEN_S
