@@ -33,6 +33,7 @@ from sacha_core.interchange.gaussian_avatars import (
     PARAMETERS_NAME,
     PLY_NAME,
     for_their_viewer,
+    model_iterations,
     write_model,
 )
 from sacha_core.interchange.gltf_head import write_gltf_head
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
 __all__ = ["FORMATS", "Format", "require_consistent"]
 
 SPZ_ENLARGED = 16.0  # SPZ rounds places to 1/4096 of a unit, a quarter of a millimetre were the unit a metre
+FILE_ENDINGS = frozenset({".ply", ".glb", ".gltf", ".spz", ".obj", ".npz", ".sacha", ".txt", ".zip"})
 
 
 @dataclass(frozen=True)
@@ -55,11 +57,13 @@ class Format:
 
     Args:
         write: writes an avatar as the options say, and gives the files.
+        suffix: how the name of such a file ends; empty for a folder.
         takes: options that it has a use for, beside those that all have.
         enlarge: by how much it enlarges where nobody says.
     """
 
     write: Callable[[Opened, Options, Console], list[Path]]
+    suffix: str
     takes: tuple[str, ...] = ()
     enlarge: float = 1.0
 
@@ -78,8 +82,21 @@ def require_consistent(options: Options) -> None:
         if getattr(options, name) != getattr(usual, name) and name not in chosen.takes:
             able = " and ".join(sorted(other for other, format_ in FORMATS.items() if name in format_.takes))
             raise OptionError(f"--{name.replace('_', '-')} is for {able}; --format {options.format} has no use for it")
+    require_name(options.output, chosen.suffix, options.format)
     if options.enlarge is not None and not 1e-3 <= options.enlarge <= 1e6:
         raise OptionError(f"--enlarge is {options.enlarge:g}, expected a factor between 0.001 and a million")
+
+
+def require_name(output: Path, suffix: str, name: str) -> None:
+    """Check that the name of what will be written does not say that it is something else.
+
+    Raises:
+        OptionError: it ends as files of another format do.
+    """
+    ending = output.suffix.lower()
+    if ending != suffix and ending in FILE_ENDINGS:
+        expected = f"a name that ends in {suffix}" if suffix else "the name of a folder"
+        raise OptionError(f"-o {output}: --format {name} is not written into a {ending} file; expected {expected}")
 
 
 def each_frame(
@@ -104,7 +121,7 @@ def each_frame(
         console.wrote("splats", options.output, told)
         return paths
 
-    return Format(write, ("frames", "vertices", "enlarge", *takes), enlarge)
+    return Format(write, suffix, ("frames", "vertices", "enlarge", *takes), enlarge)
 
 
 def poses(opened: Opened, options: Options) -> tuple[range, Callable[[int], Gaussians]]:
@@ -129,6 +146,8 @@ def chosen_frames(text: str, n_frames: int) -> range:
     Raises:
         OptionError: it is neither, or names no frame.
     """
+    if not n_frames:
+        raise OptionError(f"--frames {text}: the avatar has no motion to take frames from; --motion FILE puts one in")
     if ":" in text:
         return frame_range(text, n_frames)
     if not text.isdecimal() or int(text) >= n_frames:
@@ -181,9 +200,33 @@ def write_head(opened: Opened, options: Options, console: Console) -> list[Path]
     return [options.output]
 
 
+def require_room(folder: Path, motion: Motion | None) -> None:
+    """Check that nothing in a folder stands before the model that will be written there.
+
+    Raises:
+        OptionError: a later iteration, which every program would open instead, or the motion of another avatar.
+    """
+    held = model_iterations(folder)
+    last = max(held, default=ITERATION)
+    if last > ITERATION:
+        raise OptionError(
+            f"-o {folder} holds iteration {last} of a model, which would be opened instead; expected another folder"
+        )
+    if motion is None and ITERATION in held and (held[ITERATION] / PARAMETERS_NAME).exists():
+        raise OptionError(
+            f"-o {folder} holds the motion of a model, and this avatar has none to put there; expected another folder"
+        )
+
+
 def write_their_model(opened: Opened, options: Options, console: Console) -> list[Path]:
-    """Write a model folder for GaussianAvatars' own programs."""
+    """Write a model folder for GaussianAvatars' own programs.
+
+    Raises:
+        OptionError: the folder holds what would be taken for this model, or for its motion.
+        OSError: a file cannot be written.
+    """
     motion, head = opened.avatar.motion, opened.head
+    require_room(options.output, motion)
     theirs = is_flame(head) and len(head.parents) == len(
         JOINTS
     )  # a rig of FLAME's mesh may have other shapes and no jaw
@@ -206,6 +249,6 @@ FORMATS = {
     "ply": each_frame(".ply", write_world_ply, ("y_down",)),
     "gltf-splats": each_frame(".glb", write_gltf_splats),
     "spz": each_frame(".spz", write_spz, enlarge=SPZ_ENLARGED),
-    "gltf-head": Format(write_head, ("frames", "texture", "scheme")),
-    "gaussian-avatars": Format(write_their_model),
+    "gltf-head": Format(write_head, ".glb", ("frames", "texture", "scheme")),
+    "gaussian-avatars": Format(write_their_model, ""),
 }

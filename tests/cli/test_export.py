@@ -86,6 +86,22 @@ def test_gltf_takes_frames_too_and_can_be_larger(done, sacha_file: Path, tmp_pat
 
 
 @pytest.mark.parametrize(
+    ("format_", "name", "said"),
+    [
+        ("ply", "a.glb", "expected a name that ends in .ply"),
+        ("gltf-splats", "a.PLY", "expected a name that ends in .glb"),
+        ("gltf-head", "a.gltf", "expected a name that ends in .glb"),
+        ("spz", "a.ply", "expected a name that ends in .spz"),
+        ("gaussian-avatars", "a.ply", "expected the name of a folder"),
+    ],
+)
+def test_names_that_say_another_format(refused, sacha_file: Path, tmp_path: Path, format_, name, said: str) -> None:
+    """What such a name would become: a folder called a.glb, or a .gltf that no program opens."""
+    assert said in refused("export", sacha_file, "--format", format_, "-o", tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (("--format", "gltf-splats", "--y-down"), "--y-down is for ply; --format gltf-splats has no use for it"),
@@ -131,6 +147,31 @@ def test_a_model_for_gaussian_avatars_comes_back(done, sacha_file: Path, tmp_pat
     assert done("inspect", sacha_file).status == 0
     again = tmp_path / "again.sacha"
     assert done("encode", tmp_path / "model", "--level", "archive", "-o", again).report["n_frames"] == len(motion)
+
+
+def test_a_folder_whose_model_would_be_opened_instead(done, refused, sacha_file: Path, tmp_path: Path) -> None:
+    """Oracle: their viewer opens the last iteration, and so do we."""
+    given = ("export", sacha_file, "--format", "gaussian-avatars", "-o", tmp_path / "model")
+    done(*given)
+    done(*given)  # the same again is no obstacle
+    place = tmp_path / "model" / "point_cloud"
+    (place / "iteration_1").rename(place / "iteration_30000")
+    assert "holds iteration 30000 of a model" in refused(*given)
+    assert [path.name for path in place.iterdir()] == ["iteration_30000"]
+
+
+def test_the_motion_of_another_avatar_is_not_left_beside_one_that_has_none(
+    done, refused, sacha_file: Path, tmp_path: Path
+) -> None:
+    bare = tmp_path / "bare.ply"
+    done("decode", sacha_file, "--ply", bare)
+    done("export", sacha_file, "--format", "gaussian-avatars", "-o", tmp_path / "model")
+    head = ("--head", "synthetic:small")
+    given = ("export", bare, *head, "--format", "gaussian-avatars", "-o", tmp_path / "model")
+    assert "holds the motion of a model" in refused(*given)
+    assert len(done(*given[:-1], tmp_path / "other").report["files"]) == 3
+    frames = ("--format", "gltf-head", "--frames", 0, "-o", tmp_path / "a.glb")
+    assert "the avatar has no motion to take frames from" in refused("export", bare, *head, *frames)
 
 
 def check_region_map(path: Path, colours: np.ndarray) -> None:
