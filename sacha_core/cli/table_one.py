@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -58,7 +59,8 @@ def table_one(sizes: Mapping[str, int], scores: ViewScores, side: str) -> tuple[
         "model": "yours, as a model" + " (decoded)" * ("file" in sizes),
         "model_with_zero_offset": "  with its zero offsets",
     }
-    figures = (f"{quality.psnr:.4f}", f"{quality.ssim:.4f}", "-" if lpips is None else f"{lpips:.4f}")
+    ssim = quality.ssim if isfinite(quality.ssim) else None  # it need not have been asked for
+    figures = [f"{quality.psnr:.4f}", *("-" if found is None else f"{found:.4f}" for found in (ssim, lpips))]
     rows = [(names[kind], f"{n_bytes / 1e6:.2f}", *figures) for kind, n_bytes in sizes.items()]
     rows += [
         (row.method, f"{row.megabytes:.2f}", f"{row.psnr:.4f}", f"{row.ssim:.4f}", f"{row.lpips:.4f}")
@@ -70,7 +72,7 @@ def table_one(sizes: Mapping[str, int], scores: ViewScores, side: str) -> tuple[
     told = {
         "bytes": dict(sizes),
         "psnr": quality.psnr,
-        "ssim": quality.ssim,
+        "ssim": ssim,
         "lpips": lpips,
         "lpips_network": network,
         "reported": [row._asdict() for row in REPORTED],

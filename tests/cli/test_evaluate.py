@@ -41,3 +41,11 @@ def test_only_what_is_asked_for(done, capture: Path, model: Path) -> None:
     assert outcome.report["novel_view"]["ssim"] is None
     assert outcome.report["novel_view"]["regions"] == {}
     assert outcome.report["not_measured"] == {}
+
+
+def test_what_was_not_measured_is_a_dash_in_table_one(done, capture: Path, model: Path) -> None:
+    outcome = done("evaluate", model, capture, "--images", 1, "--metrics", "psnr", "--table-one")
+    mine = next(line for line in outcome.out.splitlines() if line.lstrip().startswith("yours, as a model"))
+    assert mine.split()[-2:] == ["-", "-"]
+    assert outcome.report["table_one"]["ssim"] is None
+    assert outcome.report["table_one"]["lpips"] is None
