@@ -76,7 +76,8 @@ def read_world_ply(path: str | os.PathLike[str]) -> Gaussians:
         The Gaussians in the file's order, float32, in metres of the world, all bound to triangle 0: one whose frame is the world's.
 
     Raises:
-        FormatError: it is no such file, is cut short, lacks a property or has it of another type, or holds a number that is not finite.
+        FormatError: it is no such file, is cut short, lacks a property or has it of another type, holds a number that is not finite, or its
+            Gaussians are bound to a head.
         OSError: it cannot be read.
 
     Source: Kerbl et al., 3D Gaussian Splatting, 2023 (its point_cloud.ply).
@@ -228,6 +229,10 @@ def _check_properties(dtype: np.dtype[np.void], bound: bool) -> tuple[str, ...]:
     if bound and BINDING not in held:
         raise FormatError(
             f"no property {BINDING}: these Gaussians are not bound to the triangles of a head (`sacha bind` does that)"
+        )
+    if not bound and BINDING in held:
+        raise FormatError(
+            f"property {BINDING}: these Gaussians are bound to the triangles of a head already, and stand nowhere by themselves"
         )
     optional = tuple(name for name in (SENSITIVITY,) if bound and name in held)
     for name in (*needed, *optional):

@@ -94,6 +94,14 @@ def test_what_makes_no_sense_is_refused(refused, frame_2, tmp_path: Path, argume
     assert not list(tmp_path.iterdir())
 
 
+def test_what_is_bound_already_is_no_scene(done, refused, frame_2, tmp_path: Path) -> None:
+    """Its places are in units of triangles: read as metres they would lie all about the head."""
+    bound = tmp_path / "bound.ply"
+    done("bind", frame_2[0], *HEAD, "-o", bound)
+    assert "bound to the triangles of a head already" in refused("bind", bound, *HEAD, "-o", tmp_path / "b.ply")
+    assert not (tmp_path / "b.ply").exists()
+
+
 def test_wrong_scenes_are_refused_in_one_line(refused, frame_2, tmp_path: Path) -> None:
     data, wrong = frame_2[0].read_bytes(), tmp_path / "wrong.ply"
     empty = (
