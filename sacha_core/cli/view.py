@@ -71,6 +71,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     page = open_page(options.avatar.name, opened, options.host, options.port)
     address = f"http://{'localhost' if options.host in {'127.0.0.1', '0.0.0.0'} else options.host}:{page.port}"
     console.say(f"page         {address}  (Ctrl-C ends it)")
+    page.set(playing=opened.avatar.motion is not None and len(opened.avatar.motion) > 1)
     if not options.no_browser:
         webbrowser.open(address)
     if options.seconds:

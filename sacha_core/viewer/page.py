@@ -60,6 +60,7 @@ class Page:
     ) -> None:
         self._puppet, self._grades, self._region_colours = puppet, grades, region_colours
         self._changed, self._closed = threading.Event(), threading.Event()
+        self._sending = threading.RLock()  # nothing is sent once the server has stopped
         # Browsers open connections ahead and drop them again, which the library tells with a traceback
         logging.getLogger("websockets").setLevel(logging.CRITICAL)
         try:
@@ -91,20 +92,27 @@ class Page:
             if self._playing.value:
                 next_s = max(next_s + 1 / self._puppet.motion.frame_rate, time.monotonic())
                 self._closed.wait(max(next_s - time.monotonic(), 0))
-                self._timeline.value = (self._timeline.value + 1) % len(self._puppet)
-                self._changed.set()
-            elif not self._changed.wait(0.1):
+                self._send(advance=True)
+            elif self._changed.wait(0.1):
+                self._send()
+            else:
                 next_s = time.monotonic()
-                continue
-            if self._changed.is_set():
-                self._changed.clear()
-                self._show()
 
     def close(self) -> None:
         """End `run` and stop listening."""
         self._closed.set()
-        with redirect_stdout(io.StringIO()):
+        with self._sending, redirect_stdout(io.StringIO()):
             self._server.stop()
+
+    def _send(self, advance: bool = False) -> None:
+        """Show the present state, or the frame after it, unless the page was closed meanwhile."""
+        with self._sending:
+            if self._closed.is_set():
+                return
+            if advance:
+                self._timeline.value = (self._timeline.value + 1) % len(self._puppet)
+            self._changed.clear()
+            self._show()
 
     def set(self, **values: Any) -> None:
         """Move controls as a hand would: `frame`, `level`, `colours`, `playing`, or a slider by its name."""
