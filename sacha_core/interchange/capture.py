@@ -265,9 +265,8 @@ def read_moment(path: Path) -> Motion:
         raise DatasetError(f"parameters {path} do not exist, though a frame names them")
     try:
         moment = read_flame_param(path)
-        moment.validate()
     except (FormatError, OSError) as error:
-        raise DatasetError(f"{path}: {error}") from error
+        raise DatasetError(str(error) if str(path) in str(error) else f"{path}: {error}") from error
     if len(moment) != 1:
         raise DatasetError(f"{path} holds {len(moment)} frames, expected 1: the parameters of one timestep")
     return moment
