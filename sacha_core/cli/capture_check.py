@@ -53,7 +53,7 @@ def check_capture(root: Path, source: HeadSource, picture: Path | None, console:
     views = spread((*capture.train, *capture.val, *capture.test), LOOKED_AT)
     found = examine(capture, head, views)
     covered = () if found.agreement is None else covering(capture, head, views, console)
-    tell(found.findings, console)
+    tell(found.findings, any(one.inside < ENOUGH_COVERED for one in covered), console)
     if picture is not None and found.agreement is not None:
         draw(picture, capture, head, views, found.masks)
         console.wrote("picture", picture, "blue: tracked mesh, orange: edge of the mask")
@@ -102,12 +102,12 @@ def covering(capture: Capture, head: HeadModel, views: Sequence[View], console: 
     return covered
 
 
-def tell(findings: Sequence[Finding], console: Console) -> None:
-    """Say what was found, and what to do about it."""
+def tell(findings: Sequence[Finding], warned: bool, console: Console) -> None:
+    """Say what was found and what to do about it, and count it together with the warning about coverage, if there was one."""
     for finding in findings:
         console.say(f"{finding.severity:12} {finding.about}: {finding.what}\n{'':12} {finding.remedy}")
     n_errors = sum(finding.severity == "error" for finding in findings)
-    n_warnings = len(findings) - n_errors
+    n_warnings = len(findings) - n_errors + warned
     verdict = "not fit for training" if n_errors else "fit for training"
     counts = [f"{n} {word}{'s' * (n > 1)}" for n, word in ((n_errors, "error"), (n_warnings, "warning")) if n]
     console.say(f"verdict      {verdict}" + (f": {', '.join(counts)}" if counts else ""))

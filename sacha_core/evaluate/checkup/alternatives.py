@@ -25,6 +25,7 @@ AS_WRITTEN = "as written"
 BETTER = 0.15  # by how much another reading must agree better with the masks to be named
 GOOD = 0.4  # agreement of a reading that may be the right one: hair and shoulders cost up to half
 BAD = 0.25  # agreement below which a head is not where it is seen
+MANY = 0.25  # share of views in which it is not so from which on training is in vain
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,11 @@ def judge_cameras(views: Sequence[Posed]) -> list[Finding]:
     if written < BAD:
         what = f"the tracked head misses the masks: they agree by {100 * written:.0f} %; training would fail for that"
         remedy = "look at the picture (--picture): another head than it was tracked with, cameras of another capture, or a lost track"
+        return [Finding("error", "tracking", what, remedy)]
+    missed = sum(agreement(view.points, view.camera, view.mask) < BAD for view in views)
+    if missed >= MANY * len(views):
+        what = f"the tracked head misses the masks in {missed} of {len(views)} views; training would fail for that"
+        remedy = "look at the picture (--picture): a lost track, or a sequence of another head or with other cameras"
         return [Finding("error", "tracking", what, remedy)]
     return []
 

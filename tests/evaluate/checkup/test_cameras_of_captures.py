@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sacha_core.evaluate.checkup.alternatives import AS_WRITTEN, Posed, best_reading, judge_cameras, mean_agreement
+from sacha_core.evaluate.checkup.alternatives import AS_WRITTEN, BAD, Posed, best_reading, judge_cameras, mean_agreement
 from sacha_core.evaluate.checkup.examine import examine
 from sacha_core.evaluate.checkup.silhouette import agreement, coarse_mask, surface_points
 from sacha_core.evaluate.coverage import foreground, project
@@ -101,6 +101,17 @@ def test_a_head_elsewhere_is_the_reason_that_is_named(posed: list[Posed]) -> Non
     (finding,) = judge_cameras(away)
     assert (finding.severity, finding.about) == ("error", "tracking")
     assert "misses the masks" in finding.what
+
+
+@pytest.mark.parametrize(("share", "errors"), [(0.2, 0), (0.4, 1)])
+def test_a_sequence_that_is_tracked_elsewhere_is_named(posed: list[Posed], share: float, errors: int) -> None:
+    """The other views hide it in the mean."""
+    n_away = int(share * len(posed))  # a quarter is too much
+    moved = [replace(view, points=view.points + np.float32([0.6, 0.0, 0.0])) for view in posed[:n_away]]
+    assert mean_agreement([*moved, *posed[n_away:]]) > BAD
+    found = judge_cameras([*moved, *posed[n_away:]])
+    assert [(finding.severity, finding.about) for finding in found] == [("error", "tracking")] * errors
+    assert all(f"in {n_away} of {len(posed)} views" in finding.what for finding in found)
 
 
 def test_agreement_against_counting_cell_by_cell(posed: list[Posed]) -> None:
