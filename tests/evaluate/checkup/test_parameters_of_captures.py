@@ -14,6 +14,7 @@ from sacha_core.evaluate.checkup.silhouette import coarse_mask
 from sacha_core.evaluate.coverage import foreground
 from sacha_core.flame.head_file import save_head
 from sacha_core.flame.model import HeadModel
+from sacha_core.flame.open import open_head
 from sacha_core.flame.synthetic import synthetic_head
 
 N_FRAMES = 30
@@ -99,9 +100,11 @@ def test_the_head_that_a_capture_was_tracked_with_is_found(framed, tmp_path, mon
     (tmp_path / "damaged.npz").write_bytes(b"no head")
     views = (*framed.capture.train, *framed.capture.test)
     masks = [coarse_mask(foreground(framed.capture, view)) for view in views]
-    (other,) = kept_heads(wrong)
-    (finding,) = judge_head(framed.motion, wrong, [other], views, masks)
+    others = kept_heads(wrong)
+    (finding,) = judge_head(framed.motion, wrong, others, views, masks)
     assert finding.about == "head"
     assert f"tracked with {framed.head.name!r}" in finding.what
-    assert not judge_head(framed.motion, framed.head, [wrong], views, masks)
-    assert kept_heads(framed.head) == []
+    assert finding.remedy.endswith(f"try --head {tmp_path / 'kept.npz'}")
+    assert open_head(tmp_path / "kept.npz").reference == framed.head.reference
+    assert not judge_head(framed.motion, framed.head, {tmp_path / "wrong.npz": wrong}, views, masks)
+    assert kept_heads(framed.head) == {}
