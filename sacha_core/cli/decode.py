@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -12,7 +12,10 @@ from sacha_core.cli.common import Common, FileOption, HeadSource, MaybePath
 from sacha_core.cli.console import Console, kilobytes
 from sacha_core.errors import OptionError
 
-__all__ = ["INPUTS", "Options", "run"]
+if TYPE_CHECKING:
+    from sacha_core.avatar.motion import Motion
+
+__all__ = ["INPUTS", "ITERATION", "Options", "require_room", "run"]
 
 INPUTS = ("file",)
 
@@ -59,6 +62,8 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     avatar = decode_file(options.file, options.head)
     if options.motion is not None and avatar.motion is None:
         raise OptionError(f"{options.file} has no motion that --motion could write")
+    if options.model is not None:
+        require_room("--model", options.model, avatar.motion)
     console.say(
         f"{options.file}: {len(avatar.gaussians):,} Gaussians on head {avatar.head.name!r}, "
         + (f"{len(avatar.motion)} frames" if avatar.motion else "no motion")
@@ -82,3 +87,28 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         "motion": options.motion,
         "model": options.model,
     }
+
+
+def require_room(option: str, folder: Path, motion: Motion | None) -> None:
+    """Check that nothing in a folder stands before the model that will be written there.
+
+    Args:
+        option: that names the folder.
+        folder: need not exist.
+        motion: of the avatar.
+
+    Raises:
+        OptionError: a later iteration, which every program would open instead, or the motion of another avatar.
+    """
+    from sacha_core.interchange.gaussian_avatars import PARAMETERS_NAME, model_iterations
+
+    held = model_iterations(folder)
+    last = max(held, default=ITERATION)
+    if last > ITERATION:
+        raise OptionError(
+            f"{option} {folder} holds iteration {last} of a model, which would be opened instead; expected another folder"
+        )
+    if motion is None and ITERATION in held and (held[ITERATION] / PARAMETERS_NAME).exists():
+        raise OptionError(
+            f"{option} {folder} holds the motion of a model, and this avatar has none to put there; expected another folder"
+        )

@@ -14,7 +14,7 @@ from sacha_core.animation.standing import Standing, standing_on
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.cli.console import Console, kilobytes
-from sacha_core.cli.decode import ITERATION
+from sacha_core.cli.decode import ITERATION, require_room
 from sacha_core.cli.posing import read_vertices
 from sacha_core.cli.render import frame_range
 from sacha_core.cli.skin_picture import skin_picture
@@ -33,7 +33,6 @@ from sacha_core.interchange.gaussian_avatars import (
     PARAMETERS_NAME,
     PLY_NAME,
     for_their_viewer,
-    model_iterations,
     write_model,
 )
 from sacha_core.interchange.gltf_head import write_gltf_head
@@ -200,24 +199,6 @@ def write_head(opened: Opened, options: Options, console: Console) -> list[Path]
     return [options.output]
 
 
-def require_room(folder: Path, motion: Motion | None) -> None:
-    """Check that nothing in a folder stands before the model that will be written there.
-
-    Raises:
-        OptionError: a later iteration, which every program would open instead, or the motion of another avatar.
-    """
-    held = model_iterations(folder)
-    last = max(held, default=ITERATION)
-    if last > ITERATION:
-        raise OptionError(
-            f"-o {folder} holds iteration {last} of a model, which would be opened instead; expected another folder"
-        )
-    if motion is None and ITERATION in held and (held[ITERATION] / PARAMETERS_NAME).exists():
-        raise OptionError(
-            f"-o {folder} holds the motion of a model, and this avatar has none to put there; expected another folder"
-        )
-
-
 def write_their_model(opened: Opened, options: Options, console: Console) -> list[Path]:
     """Write a model folder for GaussianAvatars' own programs.
 
@@ -226,7 +207,7 @@ def write_their_model(opened: Opened, options: Options, console: Console) -> lis
         OSError: a file cannot be written.
     """
     motion, head = opened.avatar.motion, opened.head
-    require_room(options.output, motion)
+    require_room("-o", options.output, motion)
     theirs = is_flame(head) and len(head.parents) == len(
         JOINTS
     )  # a rig of FLAME's mesh may have other shapes and no jaw

@@ -157,6 +157,7 @@ def test_a_folder_whose_model_would_be_opened_instead(done, refused, sacha_file:
     place = tmp_path / "model" / "point_cloud"
     (place / "iteration_1").rename(place / "iteration_30000")
     assert "holds iteration 30000 of a model" in refused(*given)
+    assert "holds iteration 30000 of a model" in refused("decode", sacha_file, "--model", tmp_path / "model")
     assert [path.name for path in place.iterdir()] == ["iteration_30000"]
 
 
