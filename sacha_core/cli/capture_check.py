@@ -57,6 +57,11 @@ def check_capture(root: Path, source: HeadSource, picture: Path | None, console:
     if picture is not None and found.agreement is not None:
         draw(picture, capture, head, views, found.masks)
         console.wrote("picture", picture, "blue: tracked mesh, orange: edge of the mask")
+    if found.held_against == 0 and capture.head is None:
+        console.say(
+            "versions     not compared: FLAME 2020 and 2023 take the same parameters; convert the other one, too (sacha convert-head),"
+            " and both are held against the masks"
+        )
     if found.sound:
         console.hint(f"sacha train {root} -o MODEL")
     elif picture is None:
@@ -132,6 +137,7 @@ def report(found: Examination, head: HeadModel, covered: Sequence[Coverage]) -> 
         "head": {"name": head.name, "n_vertices": head.n_vertices, "n_faces": head.n_faces},
         "findings": [asdict(finding) for finding in found.findings],
         "agreement": found.agreement,
+        "heads_held_against": found.held_against,
         "coverage": [
             {
                 "image": one.view.image_path,

@@ -403,6 +403,17 @@ def test_doctor_draws_the_track_and_names_wrong_cameras(done, call, capture: Pat
     assert "Traceback" not in wrong.err
 
 
+def test_doctor_says_where_versions_of_flame_are_not_compared(done, capture: Path, tmp_path: Path) -> None:
+    root = tmp_path / "capture"
+    shutil.copytree(capture, root)
+    for path in root.rglob("head.json"):  # what VHAP exports does not say its head
+        path.unlink()
+    outcome = done("doctor", root, "--head", "synthetic:small")
+    assert outcome.report["heads_held_against"] == 0
+    assert "versions     not compared" in outcome.out
+    assert "versions" not in done("doctor", capture).out
+
+
 def test_doctor_says_what_a_folder_is_that_is_no_capture(refused, tmp_path: Path) -> None:
     (tmp_path / "tracked_flame_params_30.npz").touch()
     assert "VHAP's export_as_nerf_dataset.py" in refused("doctor", tmp_path)

@@ -29,11 +29,13 @@ class Examination:
         findings: errors and warnings, in the order of the checks.
         masks: where each view that was looked at shows the person.
         agreement: mean area that head and masks share over the area that either has; None where the head could not be posed.
+        held_against: how many other heads that take the same parameters it was held against; None where that made no sense.
     """
 
     findings: list[Finding]
     masks: list[Bool[np.ndarray, "h w"]]
     agreement: float | None
+    held_against: int | None = None
 
     @property
     def sound(self) -> bool:
@@ -64,6 +66,8 @@ def examine(capture: Capture, head: HeadModel, views: Sequence[View]) -> Examina
     ]
     about_cameras = judge_cameras(posed)
     findings += about_cameras
-    if not about_cameras:
-        findings += judge_head(capture.motion, head, kept_heads(head), views, coarse)
-    return Examination(findings, masks, mean_agreement(posed))
+    if about_cameras:
+        return Examination(findings, masks, mean_agreement(posed))
+    others = kept_heads(head)
+    findings += judge_head(capture.motion, head, others, views, coarse)
+    return Examination(findings, masks, mean_agreement(posed), len(others))
