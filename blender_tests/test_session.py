@@ -12,6 +12,7 @@ from conftest import ENGINE, Material
 from session import Sitting, play
 
 SHARE_OF_SIZE = 0.55  # what the budget leaves of the avatar's file
+SMALL_ERROR = 0.25  # mean brightness of a picture in which 1 is what is painted brightest
 NEARLY_ALL = 0.85  # of the size asked for is used: Gaussians come in thousands of bits, quality in steps
 FEWEST_VIEWS = {"region", "count", "density", "opacity"}  # what every avatar has
 
@@ -54,6 +55,7 @@ def test_the_preview_is_a_picture_of_the_head_and_the_error_is_small(sitting: Si
     assert preview.shape == error.shape
     assert preview[..., :3].std() > 0.05
     assert error.shape[:2] == (sitting.size, sitting.size)
+    assert 0 < error[..., :3].mean() < SMALL_ERROR
 
 
 def test_a_saved_file_keeps_everything(sitting: Sitting) -> None:

@@ -184,6 +184,12 @@ def test_face_sets_become_regions_that_can_be_weighed_and_saved(avatar: bpy.type
     with np.load(tmp_path / "mine.scheme.npz") as saved:
         assert saved["regions"].tolist() == ["set 7", "set 8"]
         assert np.array_equal(saved["labels"], odd)
+    for read in (bpy.ops.sacha.refresh, lambda: bpy.ops.sacha.compare(filepath=mesh.sacha.source)):
+        read()
+        assert mesh.sacha.regions.keys() == mesh.sacha_steering.regions.keys() == ["set 7", "set 8"]
+        assert mesh.sacha_steering.regions["set 8"].weight == 100
+        assert np.array_equal(face_attribute(mesh, "region"), odd)
+    consistent(avatar)
     bpy.ops.sacha.regions_from(kind="AVATAR")
     assert "mouth" in mesh.sacha_steering.regions
     assert not mesh.sacha_steering.custom

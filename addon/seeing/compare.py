@@ -14,6 +14,7 @@ from ..job import Job
 from ..opening.scene_folder import read_scene_folder
 from . import numbers
 from .active import mesh_of
+from .division import shown_division, write_division
 from .shown import edited, shown_by
 
 __all__ = ["CLASSES"]
@@ -39,7 +40,7 @@ def read_anew(
         views: in how many views the avatar shall be measured first; 0 leaves it as it is.
 
     Raises:
-        ValueError: the mesh was edited, so that numbers of triangles would come to lie on others.
+        ValueError: the mesh was edited, so that numbers of triangles would come to lie on others, or says nothing of its own regions.
     """
     mesh = mesh_of(context)
     source = sources.full_path(mesh.sacha.source)
@@ -48,6 +49,11 @@ def read_anew(
     given = [*sources.head_options(context), *([] if compared is None else ["--compare", compared])]
     given += ["--measure", str(views)] if views else []
     python, name = preferences.engine_python(context), mesh.name
+    own = shown_division(mesh) if mesh.sacha_steering.custom else None  # regions of the user's own stay
+
+    def command(folder: Path) -> list[str]:
+        scheme = [] if own is None else ["--scheme", write_division(folder / "own.scheme.npz", own)]
+        return engine.command(python, "scene", source, "--out", folder / "scene", *given, *scheme)
 
     def finish(job: Job) -> str:
         if name not in bpy.data.meshes:
@@ -65,7 +71,7 @@ def read_anew(
     title = f"Measuring {source.name}" if views else f"Reading {source.name}"
     return running.Work(
         title if compared is None else f"Comparing with {compared.name}",
-        lambda folder: engine.command(python, "scene", source, "--out", folder / "scene", *given),
+        command,
         finish,
     )
 

@@ -15,8 +15,8 @@ from .. import engine, preferences, problem, running, sources
 from ..job import Job
 from ..opening.scene_folder import read_scene_folder
 from ..seeing import numbers
+from ..seeing.division import shown_division, write_division
 from .asking import budget_options
-from .division import shown_division, write_division
 from .painting import painted
 from .settings import list_regions, origin_of, steerable
 

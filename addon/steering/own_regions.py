@@ -13,7 +13,7 @@ from .. import engine, preferences, problem, running, sources
 from ..job import Job
 from ..opening.scene_folder import read_scene_folder
 from ..seeing import numbers
-from .division import by_face_sets, by_materials, shown_division, write_division
+from ..seeing.division import by_face_sets, by_materials, shown_division, write_division
 from .settings import list_regions, steerable
 
 __all__ = ["CLASSES"]

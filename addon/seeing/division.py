@@ -71,12 +71,14 @@ def shown_division(mesh: bpy.types.Mesh) -> Division:
     """Give the regions that a mesh shows.
 
     Raises:
-        ValueError: it shows none.
+        ValueError: it shows none, or the attribute that says which triangle is whose is gone.
     """
     if not len(mesh.sacha.regions):
         raise ValueError(
             f"The regions of {mesh.name} are not known: name its head's masks and open it again, or make some of your own"
         )
+    if "region" not in mesh.attributes:
+        raise ValueError(f"The triangles of {mesh.name} have lost their attribute 'region': open the file anew")
     rows = sorted(mesh.sacha.regions, key=lambda row: row.place)
     colours = np.array([_srgb(row.colour) for row in rows], np.uint8)
     labels = bridge.read_face_integers(mesh, "region")
