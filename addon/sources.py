@@ -7,6 +7,8 @@ from pathlib import Path
 
 import bpy
 
+from . import active
+
 __all__ = ["avatar_source", "full_path", "head_options"]
 
 MADE_BY_NAME = "synthetic"  # heads that the engine makes by name are no files
@@ -35,9 +37,8 @@ def avatar_source(context: bpy.types.Context, named: str) -> Path:
     Raises:
         ValueError: none is named and the active object is no avatar.
     """
-    active = context.object
-    shown = active.data.sacha if active is not None and active.type == "MESH" else None
-    source = named or (shown.source if shown is not None and shown.kind == "avatar" else "")
+    avatar = active.avatar_of(context.object)
+    source = named or (avatar.data.sacha.source if avatar is not None else "")
     if not source:
-        raise ValueError("No avatar: open one, or select the mesh of one that is open")
+        raise ValueError(active.NO_AVATAR)
     return full_path(source)

@@ -195,6 +195,21 @@ def test_face_sets_become_regions_that_can_be_weighed_and_saved(avatar: bpy.type
     assert not mesh.sacha_steering.custom
 
 
+def test_the_joints_of_a_head_stand_for_its_avatar(avatar: bpy.types.Object, tmp_path: Path) -> None:
+    panels = bpy.types.SACHA_PT_budget, bpy.types.SACHA_PT_look, bpy.types.SACHA_PT_files
+    as_mesh = [texts(drawn_by(panel)) for panel in panels]
+    bpy.context.view_layer.objects.active = avatar.parent
+    assert bpy.types.SACHA_PT_budget.poll(bpy.context)
+    assert [texts(drawn_by(panel)) for panel in panels] == as_mesh
+    assert bpy.ops.sacha.list_regions() == {"FINISHED"}
+    assert bpy.ops.sacha.encode(filepath=str(tmp_path / "a.sacha")) == {"FINISHED"}
+    assert (tmp_path / "a.sacha").exists()
+    bpy.ops.sacha.apply_budget(filepath=str(tmp_path / "b.sacha"))
+    consistent(avatar)
+    assert bpy.types.SACHA_PT_outcome.poll(bpy.context)
+    assert texts(drawn_by(bpy.types.SACHA_PT_outcome))
+
+
 def test_materials_become_regions_in_their_colours(avatar: bpy.types.Object) -> None:
     mesh = avatar.data
     for name, colour in (("Skin", (0.2, 0.4, 0.6, 1)), ("-Front=1", (1, 0, 0, 1)), ("unused", (0, 0, 0, 1))):

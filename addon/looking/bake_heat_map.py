@@ -12,6 +12,7 @@ from bpy.props import BoolProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
 
 from .. import bridge, engine, preferences, running, sources
+from ..active import opened_by
 from ..job import Job
 
 __all__ = ["CLASSES", "MATERIAL"]
@@ -53,8 +54,8 @@ class SachaBakeHeatMap(bpy.types.Operator, ExportHelper):
 
     def work(self, context: bpy.types.Context) -> running.Work:
         """Hand colours and texture coordinates to the engine, then take its texture over."""
-        head = context.object
-        if head is None or head.type != "MESH" or not head.data.sacha.kind:
+        head = opened_by(context.object)
+        if head is None:
             raise ValueError("No head: open one, or select the mesh of one that is open")
         python, target, name = preferences.engine_python(context), sources.full_path(self.filepath), head.name
         size = self.size if self.properties.is_property_set("size") else context.scene.sacha_looking.texture_size

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from .. import bridge
+from ..active import NO_AVATAR, avatar_of
 
 __all__ = ["chosen_head", "save_vertices", "source_of", "splats_on"]
 
@@ -18,8 +19,7 @@ def chosen_head(context: bpy.types.Context) -> bpy.types.Object | None:
     active = context.object
     if active is not None and active.sacha_splats.head is not None:
         active = active.sacha_splats.head
-    shows = active is not None and active.type == "MESH" and active.data.sacha.kind == "avatar"
-    return active if shows else None
+    return avatar_of(active)
 
 
 def source_of(context: bpy.types.Context) -> tuple[bpy.types.Object, Path]:
@@ -30,7 +30,7 @@ def source_of(context: bpy.types.Context) -> tuple[bpy.types.Object, Path]:
     """
     head = chosen_head(context)
     if head is None:
-        raise ValueError("No avatar: open one, or select the mesh of one that is open")
+        raise ValueError(NO_AVATAR)
     return head, Path(bpy.path.abspath(head.data.sacha.source)).absolute()
 
 

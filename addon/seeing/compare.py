@@ -10,10 +10,10 @@ from bpy.props import IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from .. import engine, preferences, running, sources
+from ..active import mesh_of
 from ..job import Job
 from ..opening.scene_folder import read_scene_folder
 from . import numbers
-from .active import mesh_of
 from .division import shown_division, write_division
 from .shown import edited, shown_by
 

@@ -9,7 +9,7 @@ import numpy as np
 from bpy.props import BoolProperty, StringProperty
 
 from .. import bridge, problem
-from .active import mesh_of
+from ..active import mesh_of
 
 __all__ = ["CLASSES", "select_faces"]
 

@@ -15,8 +15,8 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..active import mesh_of
 from . import painting, selecting
-from .active import mesh_of
 
 __all__ = ["CLASSES", "SORTS", "TABLES", "attach", "detach", "edited", "shown_by"]
 

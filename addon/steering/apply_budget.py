@@ -12,6 +12,7 @@ from bpy.props import FloatProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
 
 from .. import engine, preferences, problem, running, sources
+from ..active import avatar_of
 from ..job import Job
 from ..opening.scene_folder import read_scene_folder
 from ..seeing import numbers
@@ -81,7 +82,7 @@ class SachaApplyBudget(bpy.types.Operator, ExportHelper):
         target = sources.full_path(self.filepath) if self.filepath else _free_name(origin)
         given = [origin, "-o", target, "--make-scores", *sources.head_options(context), *budget_options(context, mesh)]
         given += [] if before == origin else ["--before", before]
-        python, name, painting = preferences.engine_python(context), mesh.name, painted(context.object)
+        python, name, painting = preferences.engine_python(context), mesh.name, painted(avatar_of(context.object))
 
         def command(folder: Path) -> list[str]:
             more = _carried(folder, mesh, painting)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..seeing.shown import shown_by
+from ..active import avatar_of, mesh_of
 
 __all__ = ["CLASSES"]
 
@@ -53,13 +53,12 @@ class SachaBudgetPanel(bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only an avatar has Gaussians to spend."""
-        shown = shown_by(context)
-        return shown is not None and shown.kind == "avatar"
+        return avatar_of(context.object) is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
-        layout, mesh = self.layout, context.object.data
-        asked = mesh.sacha_steering
+        layout, avatar = self.layout, avatar_of(context.object)
+        asked = avatar.data.sacha_steering
         if not len(asked.regions):
             layout.operator("sacha.list_regions")
         else:
@@ -69,7 +68,7 @@ class SachaBudgetPanel(bpy.types.Panel):
         row.operator_menu_enum("sacha.regions_from", "kind", text="Regions From")
         row.operator("sacha.save_regions", text="", icon="FILE_TICK")
         _draw_limit(layout, context, asked)
-        _draw_painting(layout, context.object, asked)
+        _draw_painting(layout, avatar, asked)
         row = layout.row()
         row.scale_y = 1.4
         row.operator_context = "INVOKE_DEFAULT"
@@ -126,12 +125,12 @@ class SachaOutcomePanel(bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only after an Apply."""
-        shown = shown_by(context)
-        return shown is not None and len(context.object.data.sacha_steering.outcome) > 0
+        mesh = mesh_of(context)
+        return mesh is not None and len(mesh.sacha_steering.outcome) > 0
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
-        asked = context.object.data.sacha_steering
+        asked = mesh_of(context).sacha_steering
         rows = list(asked.outcome)
         columns = [["Was", *(f"{row.before:,}" for row in rows)], ["Is", *(f"{row.after:,}" for row in rows)]]
         if any(row.known_before for row in rows):

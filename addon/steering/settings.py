@@ -14,6 +14,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..active import NO_AVATAR, avatar_of
 from ..seeing.shown import edited
 
 __all__ = ["CLASSES", "attach", "detach", "list_regions", "origin_of", "steerable"]
@@ -154,10 +155,10 @@ def steerable(context: bpy.types.Context) -> bpy.types.Mesh:
     Raises:
         ValueError: it is none; the message says what to do.
     """
-    active = context.object
-    mesh = active.data if active is not None and active.type == "MESH" else None
-    if mesh is None or mesh.sacha.kind != "avatar":
-        raise ValueError("No avatar: open one, or select the mesh of one that is open")
+    avatar = avatar_of(context.object)
+    if avatar is None:
+        raise ValueError(NO_AVATAR)
+    mesh = avatar.data
     if mesh.is_editmode:
         raise ValueError(f"{mesh.name} is in Edit Mode: leave it, and do this again")
     if complaint := edited(mesh):
