@@ -20,11 +20,6 @@ class SachaCheckEngine(bpy.types.Operator):
 
     wait: running.wait_property()
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
-        """From a button: do not make the window wait."""
-        self.wait = False
-        return self.execute(context)
-
     def work(self, context: bpy.types.Context) -> running.Work:
         """Ask; keep the answer where the preferences show it."""
         shown = context.preferences.addons[__package__].preferences
@@ -41,6 +36,7 @@ class SachaCheckEngine(bpy.types.Operator):
 
         return running.Work("Asking the engine", lambda folder: engine.probe(python), finish)  # noqa: ARG005
 
+    invoke = running.invoke
     execute = running.execute
     modal = running.modal
     cancel = running.cancel

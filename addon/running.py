@@ -2,7 +2,7 @@
 """How operators run the engine: in a window beside the user's work, with progress and cancel; in scripts until it is done.
 
 An operator that runs the engine has a method `work(context)` that gives its `Work`, a property `wait`, and
-`execute = running.execute`, `modal = running.modal`, `cancel = running.cancel`.
+`execute = running.execute`, `modal = running.modal`, `cancel = running.cancel`; where it asks for no file, `invoke = running.invoke` too.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .engine import EngineMissingError
 from .job import Job, Outcome, start_job
 from .leftovers import sweep
 
-__all__ = ["CLASSES", "Work", "attach", "cancel", "end_now", "execute", "modal", "now", "wait_property"]
+__all__ = ["CLASSES", "Work", "attach", "cancel", "end_now", "execute", "invoke", "modal", "now", "wait_property"]
 
 TICK_S = 0.25  # how often a window looks at a running job
 NONSENSE = "The engine answered with what the add-on does not understand"
@@ -72,6 +72,16 @@ def wait_property() -> BoolProperty:
 def events_come() -> bool:
     """Tell whether Blender handles events: in background no timer ever fires."""
     return not bpy.app.background
+
+
+def invoke(
+    operator: bpy.types.Operator,
+    context: bpy.types.Context,
+    event: bpy.types.Event,  # noqa: ARG001  (Blender's signature)
+) -> set[str]:
+    """From a button: do not make the window wait."""
+    operator.wait = False
+    return operator.execute(context)
 
 
 def execute(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]:

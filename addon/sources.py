@@ -6,10 +6,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
+from bpy.props import StringProperty
 
 from . import active
 
-__all__ = ["avatar_source", "full_path", "head_options"]
+__all__ = ["avatar_property", "avatar_source", "full_path", "head_options"]
 
 MADE_BY_NAME = "synthetic"  # heads that the engine makes by name are no files
 
@@ -29,6 +30,20 @@ def head_options(context: bpy.types.Context, head: str = "") -> list[str]:
     if chosen.masks:
         options += ["--masks", str(full_path(chosen.masks))]
     return options
+
+
+def avatar_property(what: str) -> StringProperty:
+    """Make the property by which scripts name an avatar.
+
+    Args:
+        what: may be named.
+    """
+    return StringProperty(
+        name="Avatar",
+        description=f"{what}; where empty, the one that the active mesh was opened from",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
 
 
 def avatar_source(context: bpy.types.Context, named: str) -> Path:

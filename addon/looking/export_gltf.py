@@ -42,12 +42,7 @@ class SachaExportGltf(bpy.types.Operator, ExportHelper):
         options={"SKIP_SAVE"},
     )
     frame: IntProperty(name="Frame", description="Frame of the motion, from 0: of splats", default=0, min=0)
-    source: StringProperty(
-        name="Avatar",
-        description="The avatar's file; where empty, the one that the active mesh was opened from",
-        subtype="FILE_PATH",
-        options={"SKIP_SAVE"},
-    )
+    source: sources.avatar_property("The avatar's file")
     wait: running.wait_property()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

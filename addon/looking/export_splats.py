@@ -46,12 +46,7 @@ class SachaExportSplats(bpy.types.Operator, ExportHelper):
         description="One frame (12), or FROM:TO or FROM:TO:STEP as in Python, from 0; a lone colon means all",
         default=":",
     )
-    source: StringProperty(
-        name="Avatar",
-        description="The avatar's file; where empty, the one that the active mesh was opened from",
-        subtype="FILE_PATH",
-        options={"SKIP_SAVE"},
-    )
+    source: sources.avatar_property("The avatar's file")
     wait: running.wait_property()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

@@ -47,11 +47,6 @@ class SachaRenderPreview(bpy.types.Operator):
             return False
         return True
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
-        """From a button: do not make the window wait."""
-        self.wait = False
-        return self.execute(context)
-
     def work(self, context: bpy.types.Context) -> running.Work:
         """Let the engine draw, then take its pictures over."""
         head, source = source_of(context)
@@ -78,6 +73,7 @@ class SachaRenderPreview(bpy.types.Operator):
 
         return running.Work(f"Drawing {source.name}", command, finish)
 
+    invoke = running.invoke
     execute = running.execute
     modal = running.modal
     cancel = running.cancel

@@ -26,15 +26,11 @@ class SachaShowSplats(bpy.types.Operator):
 
     wait: running.wait_property()
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
-        """From a button: do not make the window wait."""
-        self.wait = False
-        return self.execute(context)
-
     def work(self, context: bpy.types.Context) -> running.Work:
         """Let the engine lay the Gaussians out, then make them points."""
         return _work(context)
 
+    invoke = running.invoke
     execute = running.execute
     modal = running.modal
     cancel = running.cancel
@@ -55,15 +51,11 @@ class SachaUpdateSplats(bpy.types.Operator):
         """There must be splats."""
         return _chosen_splats(context) is not None
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
-        """From a button: do not make the window wait."""
-        self.wait = False
-        return self.execute(context)
-
     def work(self, context: bpy.types.Context) -> running.Work:
         """Do what shows them, to those that are there."""
         return _work(context)
 
+    invoke = running.invoke
     execute = running.execute
     modal = running.modal
     cancel = running.cancel

@@ -22,12 +22,7 @@ class SachaDecode(bpy.types.Operator, ExportHelper):
 
     filename_ext = ".ply"
     filter_glob: StringProperty(default="*.ply", options={"HIDDEN"})
-    source: StringProperty(
-        name="Avatar",
-        description="The .sacha file; where empty, the one that the active mesh was opened from",
-        subtype="FILE_PATH",
-        options={"SKIP_SAVE"},
-    )
+    source: sources.avatar_property("The .sacha file")
     motion: StringProperty(
         name="Motion",
         description="Also write the motion, as flame_param.npz, to this file",

@@ -25,12 +25,7 @@ class SachaEncode(bpy.types.Operator, ExportHelper):
 
     filename_ext = ".sacha"
     filter_glob: StringProperty(default="*.sacha", options={"HIDDEN"})
-    source: StringProperty(
-        name="Avatar",
-        description="Splat PLY, .sacha file or model folder; where empty, the one that the active mesh was opened from",
-        subtype="FILE_PATH",
-        options={"SKIP_SAVE"},
-    )
+    source: sources.avatar_property("Splat PLY, .sacha file or model folder")
     wait: running.wait_property()
     __annotations__.update(encode_properties())
 

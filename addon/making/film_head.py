@@ -49,11 +49,6 @@ class SachaFilm(bpy.types.Operator):
     )
     wait: running.wait_property()
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
-        """From a button: do not make the window wait."""
-        self.wait = False
-        return self.execute(context)
-
     def work(self, context: bpy.types.Context) -> running.Work:
         """Let a second Blender film a copy of the scene, and the engine make a dataset of it."""
         settings = film_settings(self, context)
@@ -78,6 +73,7 @@ class SachaFilm(bpy.types.Operator):
 
         return running.Work(f"Filming {settings['head']}", command, finish, LONGEST_S)
 
+    invoke = running.invoke
     execute = running.execute
     modal = running.modal
     cancel = running.cancel

@@ -45,10 +45,7 @@ class SachaTrain(bpy.types.Operator):
     )
     wait: running.wait_property()
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
-        """From a button: start it, and leave it to itself."""
-        self.wait = False
-        return self.execute(context)
+    invoke = running.invoke
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Start the training; a script that waits gets its end, too."""
@@ -73,10 +70,7 @@ class SachaContinueTraining(bpy.types.Operator):
     model: StringProperty(name="Model", description="Its folder", subtype="DIR_PATH", options={"SKIP_SAVE"})
     wait: running.wait_property()
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
-        """From a button: start it, and leave it to itself."""
-        self.wait = False
-        return self.execute(context)
+    invoke = running.invoke
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Start it again with what it was started with."""

@@ -128,11 +128,6 @@ class SachaRefresh(bpy.types.Operator):
         """There must be an avatar."""
         return has_avatar(context)
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
-        """Let the window go on meanwhile."""
-        self.wait = False
-        return self.execute(context)
-
     def work(self, context: bpy.types.Context) -> running.Work:
         """Let the engine read.
 
@@ -141,6 +136,7 @@ class SachaRefresh(bpy.types.Operator):
         """
         return read_anew(self, context)
 
+    invoke = running.invoke
     execute = running.execute
     modal = running.modal
     cancel = running.cancel
@@ -165,11 +161,6 @@ class SachaMeasure(bpy.types.Operator):
         """There must be an avatar."""
         return has_avatar(context)
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
-        """Let the window go on meanwhile."""
-        self.wait = False
-        return self.execute(context)
-
     def work(self, context: bpy.types.Context) -> running.Work:
         """Let the engine measure and read.
 
@@ -178,6 +169,7 @@ class SachaMeasure(bpy.types.Operator):
         """
         return read_anew(self, context, views=self.views)
 
+    invoke = running.invoke
     execute = running.execute
     modal = running.modal
     cancel = running.cancel

@@ -37,11 +37,6 @@ class SachaRegionsFrom(bpy.types.Operator):
     )
     wait: running.wait_property()
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
-        """Let the window go on meanwhile."""
-        self.wait = False
-        return self.execute(context)
-
     def work(self, context: bpy.types.Context) -> running.Work:
         """Let the engine count and colour anew.
 
@@ -72,6 +67,7 @@ class SachaRegionsFrom(bpy.types.Operator):
 
         return running.Work(f"Dividing {name}", command, finish)
 
+    invoke = running.invoke
     execute = running.execute
     modal = running.modal
     cancel = running.cancel

@@ -28,11 +28,6 @@ class SachaCopyDiagnostics(bpy.types.Operator):
     )
     wait: running.wait_property()
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:  # noqa: ARG002  (Blender's signature)
-        """From a button: do not make the window wait."""
-        self.wait = False
-        return self.execute(context)
-
     def work(self, context: bpy.types.Context) -> running.Work:
         """Ask the engine; copy, whatever it says."""
         python = preferences.engine_python(context)
@@ -44,6 +39,8 @@ class SachaCopyDiagnostics(bpy.types.Operator):
             return self._copy(context, job.complaint())
 
         return running.Work("Asking the engine", lambda folder: engine.probe(python), finish, failed=failed)  # noqa: ARG005
+
+    invoke = running.invoke
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Copy at once where the engine cannot be asked."""
