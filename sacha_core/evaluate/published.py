@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.avatar.gaussians import PLY_BYTES_PER_GAUSSIAN, Gaussians
 from sacha_core.avatar.motion import Motion
 
 __all__ = ["PROTOCOL", "REPORTED", "ModelBytes", "Reported", "model_bytes"]
@@ -43,9 +43,6 @@ PROTOCOL = (
 )
 
 FLOAT = 4  # bytes
-PROPERTIES = (
-    3 + 3 + 3 + 45 + 1 + 3 + 4 + 1
-)  # of a Gaussian in a PLY of GaussianAvatars, whatever the degree of its harmonics
 A_FRAME = 100 + 3 + 3 + 3 + 6 + 3  # expression, rotation, neck, jaw, eyes, translation
 IDENTITY = 300
 
@@ -88,7 +85,7 @@ def model_bytes(gaussians: Gaussians, motion: Motion | None, n_vertices: int) ->
     frames = 0 if motion is None else len(motion)
     person = IDENTITY + 3 * n_vertices if frames else 0
     return ModelBytes(
-        gaussians=FLOAT * PROPERTIES * len(gaussians),
+        gaussians=PLY_BYTES_PER_GAUSSIAN * len(gaussians),
         motion=FLOAT * (person + A_FRAME * frames),
         dynamic_offset=FLOAT * 3 * n_vertices * frames,
     )
