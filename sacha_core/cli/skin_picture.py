@@ -10,6 +10,7 @@ from PIL import Image
 
 from sacha_core.errors import FormatError, SachaError
 from sacha_core.flame.model import HeadModel
+from sacha_core.interchange.image_file import BROKEN_IMAGE
 from sacha_core.raster.texture import paint_triangles
 from sacha_core.regions.partition import Partition, partition_by
 from sacha_core.regions.scheme import find_scheme
@@ -55,7 +56,7 @@ def require_png(picture: bytes, path: Path) -> None:
     try:
         with Image.open(io.BytesIO(picture), formats=("PNG",)) as image:
             image.verify()
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+    except BROKEN_IMAGE as error:
         raise FormatError(f"{path} is no PNG that can be read, which is what goes onto the skin") from error
 
 

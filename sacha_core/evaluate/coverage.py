@@ -13,6 +13,7 @@ from sacha_core.errors import DatasetError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import Poser
 from sacha_core.interchange.capture import Capture, View
+from sacha_core.interchange.image_file import BROKEN_IMAGE
 from sacha_core.progress import Progress, Report, silent
 from sacha_core.raster.camera import Camera
 
@@ -78,7 +79,7 @@ def foreground(capture: Capture, view: View) -> Bool[np.ndarray, "h w"]:
     try:
         with Image.open(view.mask_path) as stored:
             mask = np.asarray(stored.convert("L"))
-    except (OSError, SyntaxError, ValueError) as error:
+    except BROKEN_IMAGE as error:
         raise DatasetError(f"{view.mask_path} cannot be decoded: {error}") from error
     covered: np.ndarray = mask > 127
     return covered

@@ -22,6 +22,7 @@ from sacha_core.errors import DatasetError, FormatError
 from sacha_core.files import write_aside
 from sacha_core.flame.model import HeadReference
 from sacha_core.interchange.gaussian_avatars import THEIR_VERTICES, fitted_offsets, read_flame_param
+from sacha_core.interchange.image_file import BROKEN_IMAGE, on_white
 from sacha_core.interchange.transforms import FrameRecord, read_transforms
 from sacha_core.raster.camera import Camera
 
@@ -91,12 +92,7 @@ class Capture:
         try:
             with Image.open(view.image_path) as stored:
                 picture = on_white(stored)
-        except (
-            OSError,
-            SyntaxError,
-            ValueError,
-            Image.DecompressionBombError,
-        ) as error:  # Pillow's ways of saying "broken"
+        except BROKEN_IMAGE as error:
             raise DatasetError(f"{view.image_path} cannot be decoded: {error}") from error
         if picture.size == (width, height):
             return np.asarray(picture)
@@ -127,17 +123,6 @@ class Capture:
             for _ in pool.map(load, range(len(views))):
                 pass
         return images
-
-
-def on_white(picture: Image.Image) -> Image.Image:
-    """Give a picture as RGB, with what is transparent white."""
-    if picture.mode == "RGB":
-        return picture.copy()  # decodes, so that the file may be closed
-    if "A" not in picture.getbands() and "transparency" not in picture.info:
-        return picture.convert("RGB")
-    coloured = picture.convert("RGBA")
-    white = Image.new("RGBA", coloured.size, (255, 255, 255, 255))
-    return Image.alpha_composite(white, coloured).convert("RGB")
 
 
 def read_capture(root: str | os.PathLike[str]) -> Capture:
@@ -228,7 +213,7 @@ def header_size(path: Path) -> tuple[int, int]:
             width, height = picture.size
     except FileNotFoundError as error:
         raise DatasetError(f"image {path} does not exist, though a frame names it") from error
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+    except BROKEN_IMAGE as error:
         raise DatasetError(f"{path} is not an image that can be read: {error}") from error
     return width, height
 

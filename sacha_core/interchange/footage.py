@@ -21,8 +21,8 @@ from sacha_core.avatar.motion import Motion
 from sacha_core.errors import DatasetError, FormatError, HeadError
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import Poser, person_template
-from sacha_core.interchange.capture import on_white
 from sacha_core.interchange.gaussian_avatars import read_flame_param
+from sacha_core.interchange.image_file import BROKEN_IMAGE, on_white
 from sacha_core.raster.camera import Camera
 
 __all__ = ["Footage", "FootageView", "read_footage", "read_picture", "with_own_shape"]
@@ -150,12 +150,7 @@ def read_picture(view: FootageView) -> tuple[UInt8[np.ndarray, "h w 3"], UInt8[n
                 raise DatasetError(f"{view.path} is {found}, expected one with alpha of {size[0]} by {size[1]}")
             mask = np.asarray(stored.getchannel("A"))
             return np.asarray(on_white(stored)), mask
-    except (
-        OSError,
-        SyntaxError,
-        ValueError,
-        Image.DecompressionBombError,
-    ) as error:  # Pillow's ways of saying "broken"
+    except BROKEN_IMAGE as error:
         raise DatasetError(f"{view.path} cannot be decoded: {error}") from error
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from dataclasses import replace
 
 import numpy as np
@@ -63,9 +65,20 @@ def test_grey_masks_count_from_the_middle(subject, tmp_path) -> None:
     np.testing.assert_array_equal(found, grey == 128)
 
 
-def test_a_broken_mask_is_named(subject, tmp_path) -> None:
+def cut(picture: bytes) -> bytes:
+    return picture[:60]
+
+
+def boundless(picture: bytes) -> bytes:
+    """Promise more pixels than anyone has memory for: a PNG's first chunk starts with width and height and ends with its checksum."""
+    first = b"IHDR" + struct.pack(">II", 100_000, 100_000) + picture[24:29]
+    return picture[:12] + first + struct.pack(">I", zlib.crc32(first)) + picture[33:]
+
+
+@pytest.mark.parametrize("broken_by", [cut, boundless])
+def test_a_broken_mask_is_named(subject, tmp_path, broken_by) -> None:
     view = subject.capture.val[0]
     broken = tmp_path / "broken.png"
-    broken.write_bytes(view.mask_path.read_bytes()[:60])
+    broken.write_bytes(broken_by(view.mask_path.read_bytes()))
     with pytest.raises(DatasetError, match=r"broken\.png"):
         foreground(subject.capture, replace(view, mask_path=broken))
