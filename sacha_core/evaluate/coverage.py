@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from PIL import Image
 
 from sacha_core.errors import DatasetError
@@ -59,8 +59,8 @@ def mesh_coverage(
     found = []
     for done, view in enumerate(views, 1):
         mask = foreground(capture, view)
-        row, column, in_image = project(pose(view.timestep), view.camera)
-        inside = mask[row[in_image], column[in_image]].sum() / len(row)
+        row, column, in_image = pixels_of(pose(view.timestep), view.camera)
+        inside = mask[row, column].sum() / len(in_image)
         found.append(Coverage(view, float(inside), float(in_image.mean()), float(mask.mean())))
         report(Progress("look at views", done, len(views)))
     return tuple(found)
@@ -85,13 +85,11 @@ def foreground(capture: Capture, view: View) -> Bool[np.ndarray, "h w"]:
     return covered
 
 
-def project(
+def pixels_of(
     vertices: Float[np.ndarray, "v 3"], camera: Camera
-) -> tuple[np.ndarray, np.ndarray, Bool[np.ndarray, " v"]]:
-    """Give row and column of the pixel that each vertex falls into, and whether it does fall into the image."""
-    seen = vertices.astype(np.float64) @ camera.rotation.T + camera.translation
-    depth = np.where(seen[:, 2] > 0, seen[:, 2], np.inf)
-    column = np.floor(camera.fx * seen[:, 0] / depth + camera.cx).astype(np.int64)
-    row = np.floor(camera.fy * seen[:, 1] / depth + camera.cy).astype(np.int64)
-    in_image = (seen[:, 2] > 0) & (row >= 0) & (row < camera.height) & (column >= 0) & (column < camera.width)
+) -> tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"], Bool[np.ndarray, " v"]]:
+    """Give row and column of the pixels of those vertices that fall into the image, and which do."""
+    places = camera.project(vertices)
+    in_image: np.ndarray = ((places >= 0) & (places < (camera.width, camera.height))).all(axis=1)
+    column, row = places[in_image].astype(np.int64).T  # not negative: this rounds down
     return row, column, in_image

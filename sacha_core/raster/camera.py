@@ -51,6 +51,17 @@ class Camera:
         left, top = -self.cx / self.fx, -self.cy / self.fy
         return left, left + self.width / self.fx, top, top + self.height / self.fy
 
+    def project(self, points: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 2"]:
+        """Give where points fall in the image, and beside it: pixels from its left and top edge; NaN where they do not lie in front.
+
+        Args:
+            points: (p, 3) in the world, metres; reckoned with in float64.
+        """
+        seen = points.astype(np.float64) @ self.rotation.T + self.translation
+        depth = np.where(seen[:, 2] > 0, seen[:, 2], np.nan)
+        places: np.ndarray = seen[:, :2] / depth[:, None] * (self.fx, self.fy) + (self.cx, self.cy)
+        return places
+
     def crop(self, left: int, top: int, width: int, height: int) -> Camera:
         """Give the camera of a rectangle of the image; what it shows is that part of the image, to the bit."""
         cx, cy = self.cx - left, self.cy - top

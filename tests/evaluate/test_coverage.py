@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from sacha_core.errors import DatasetError
-from sacha_core.evaluate.coverage import foreground, mesh_coverage, project
+from sacha_core.evaluate.coverage import foreground, mesh_coverage, pixels_of
 from sacha_core.flame.posing import Poser
 
 
@@ -37,14 +37,16 @@ def test_projection_against_one_vertex_at_a_time(subject) -> None:
     vertices = Poser(subject.head, subject.motion)(view.timestep).copy()
     vertices[0] = camera.centre + camera.rotation.T @ (0.0, 0.0, -1.0)  # behind the camera
     vertices[1] = camera.centre + camera.rotation.T @ (5.0, 0.0, 1.0)  # far to the right of the image
-    row, column, in_image = project(vertices, camera)
+    row, column, in_image = pixels_of(vertices, camera)
+    pixels = iter(zip(row, column, strict=True))
     for index, vertex in enumerate(vertices.astype(np.float64)):
         x, y, z = camera.rotation @ vertex + camera.translation
         u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
         inside = z > 0 and 0 <= u < camera.width and 0 <= v < camera.height
         assert in_image[index] == inside
         if inside:
-            assert (row[index], column[index]) == (int(v), int(u))
+            assert next(pixels) == (int(v), int(u))
+    assert next(pixels, None) is None
     assert not in_image[:2].any()
 
 

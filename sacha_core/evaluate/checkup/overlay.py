@@ -76,9 +76,7 @@ def over_image(
     camera: Camera,
 ) -> UInt8[np.ndarray, "h w 3"]:
     """Draw the side of a mesh that faces the camera as lines, and the edge of a mask, over an image."""
-    seen = vertices.astype(np.float64) @ camera.rotation.T + camera.translation
-    depth = np.where(seen[:, 2] > 0, seen[:, 2], np.nan)
-    places = seen[:, :2] / depth[:, None] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+    places = camera.project(vertices)
     lines = places[facing_edges(places, faces)].reshape(-1, 4)
     near = (np.abs(lines) < 4 * max(image.shape[:2])).all(axis=1)
     over = Image.fromarray(image)

@@ -55,11 +55,10 @@ def agreement(points: Float[np.ndarray, "p 3"], camera: Camera, mask: CoarseMask
         camera: of the view, at the mask's resolution.
         mask: of the view.
     """
-    seen = points.astype(np.float64) @ camera.rotation.T + camera.translation
-    front = seen[:, 2] > 0
-    if not front.any():
+    places = camera.project(points)
+    pixels = places[~np.isnan(places[:, 0])]
+    if not len(pixels):
         return 0.0
-    pixels = seen[front, :2] / seen[front, 2:] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
     far = 4 * max(mask.covered.shape)  # cells beside the image are counted, but not without end
     cells = np.clip(np.floor(pixels / mask.cell), -far, far).astype(np.int64)
     column, row = np.unique(cells, axis=0).T

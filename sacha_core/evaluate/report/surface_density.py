@@ -70,8 +70,7 @@ def portrait_camera(
     centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     towards = np.array(direction, np.float64) / np.linalg.norm(direction)
     camera = Camera.look_at(centre + DISTANCE * radius * towards, centre, width, height, 1.0)
-    seen = vertices @ camera.rotation.T + camera.translation
-    across, down = np.abs(seen[:, 0] / seen[:, 2]).max(), np.abs(seen[:, 1] / seen[:, 2]).max()
+    across, down = np.abs(camera.project(vertices) - (camera.cx, camera.cy)).max(axis=0)
     focal = 0.48 * min(width / across, height / down)
     return Camera.look_at(centre + DISTANCE * radius * towards, centre, width, height, focal)
 

@@ -11,7 +11,7 @@ import pytest
 from sacha_core.evaluate.checkup.alternatives import AS_WRITTEN, BAD, Posed, best_reading, judge_cameras, mean_agreement
 from sacha_core.evaluate.checkup.examine import examine
 from sacha_core.evaluate.checkup.silhouette import agreement, coarse_mask, surface_points
-from sacha_core.evaluate.coverage import foreground, project
+from sacha_core.evaluate.coverage import foreground, pixels_of
 from sacha_core.flame.posing import Poser
 from sacha_core.raster.camera import Camera
 
@@ -116,7 +116,7 @@ def test_a_sequence_that_is_tracked_elsewhere_is_named(posed: list[Posed], share
 
 def test_agreement_against_counting_cell_by_cell(posed: list[Posed]) -> None:
     view = posed[0]
-    row, column, in_image = project(view.points, view.camera)
+    row, column, in_image = pixels_of(view.points, view.camera)
     assert in_image.all()
     head = {(r // view.mask.cell, c // view.mask.cell) for r, c in zip(row.tolist(), column.tolist(), strict=True)}
     mask = {(int(r), int(c)) for r, c in np.argwhere(view.mask.covered)}
