@@ -90,6 +90,7 @@ def pixels_of(
 ) -> tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"], Bool[np.ndarray, " v"]]:
     """Give row and column of the pixels of those vertices that fall into the image, and which do."""
     places = camera.project(vertices)
-    in_image: np.ndarray = ((places >= 0) & (places < (camera.width, camera.height))).all(axis=1)
+    within = (places >= 0) & (places < (camera.width, camera.height))
+    in_image = within[:, 0] & within[:, 1]
     column, row = places[in_image].astype(np.int64).T  # not negative: this rounds down
     return row, column, in_image
