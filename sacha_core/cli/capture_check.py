@@ -51,8 +51,8 @@ def check_capture(root: Path, source: HeadSource, picture: Path | None, console:
     head = capture_head(capture, source)
     console.say(f"head         {head.name}: {head.n_vertices} vertices, {head.n_faces} triangles")
     views = spread((*capture.train, *capture.val, *capture.test), LOOKED_AT)
-    found = examine(capture, head, views)
-    covered = () if found.agreement is None else covering(capture, head, views, console)
+    found = examine(capture, head, views, console.report)
+    covered = () if found.agreement is None else covering(capture, head, views, found.masks, console)
     tell(found.findings, any(one.inside < ENOUGH_COVERED for one in covered), console)
     if picture is not None and found.agreement is not None:
         draw(picture, capture, head, views, found.masks)
@@ -88,11 +88,13 @@ def read(root: Path) -> Capture:
     return read_capture(root)
 
 
-def covering(capture: Capture, head: HeadModel, views: Sequence[View], console: Console) -> tuple[Coverage, ...]:
+def covering(
+    capture: Capture, head: HeadModel, views: Sequence[View], masks: Sequence[np.ndarray], console: Console
+) -> tuple[Coverage, ...]:
     """Say how much of the tracked head lies where it is seen."""
     from sacha_core.evaluate.coverage import mesh_coverage
 
-    covered = mesh_coverage(capture, head, views, console.report)
+    covered = mesh_coverage(capture, head, views, masks)
     worst, mean = min(covered, key=lambda one: one.inside), sum(one.inside for one in covered) / len(covered)
     console.say(
         f"tracking     {100 * mean:.1f} % of the head's vertices lie inside the mask over {len(covered)} views, "

@@ -14,7 +14,6 @@ from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import Poser
 from sacha_core.interchange.capture import Capture, View
 from sacha_core.interchange.image_file import BROKEN_IMAGE
-from sacha_core.progress import Progress, Report, silent
 from sacha_core.raster.camera import Camera
 
 __all__ = ["Coverage", "foreground", "mesh_coverage"]
@@ -40,7 +39,7 @@ class Coverage:
 
 
 def mesh_coverage(
-    capture: Capture, head: HeadModel, views: Sequence[View], report: Report = silent
+    capture: Capture, head: HeadModel, views: Sequence[View], masks: Sequence[Bool[np.ndarray, "h w"]]
 ) -> tuple[Coverage, ...]:
     """Project the posed head into views and look whether the masks cover it.
 
@@ -50,19 +49,14 @@ def mesh_coverage(
         capture: where the views are from.
         head: the head that its parameters belong to.
         views: which to look at.
-        report: told after each view.
-
-    Raises:
-        DatasetError: an image or a mask cannot be decoded.
+        masks: where each of them shows the person.
     """
     pose = Poser(head, capture.motion)
     found = []
-    for done, view in enumerate(views, 1):
-        mask = foreground(capture, view)
+    for view, mask in zip(views, masks, strict=True):
         row, column, in_image = pixels_of(pose(view.timestep), view.camera)
         inside = mask[row, column].sum() / len(in_image)
         found.append(Coverage(view, float(inside), float(in_image.mean()), float(mask.mean())))
-        report(Progress("look at views", done, len(views)))
     return tuple(found)
 
 

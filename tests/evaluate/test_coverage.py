@@ -17,7 +17,7 @@ from sacha_core.flame.posing import Poser
 
 def test_a_head_lies_inside_its_own_masks(subject) -> None:
     views = (*subject.capture.train, *subject.capture.test)
-    found = mesh_coverage(subject.capture, subject.head, views)
+    found = mesh_coverage(subject.capture, subject.head, views, [foreground(subject.capture, view) for view in views])
     assert len(found) == len(views)
     for one in found:
         assert one.inside > 0.85  # the masks are where half of the light is held, vertices reach a little beyond
@@ -27,7 +27,9 @@ def test_a_head_lies_inside_its_own_masks(subject) -> None:
 
 def test_a_head_tracked_elsewhere_is_noticed(subject) -> None:
     moved = replace(subject.motion, translation=subject.motion.translation + np.float32([0.2, 0, 0]))
-    found = mesh_coverage(replace(subject.capture, motion=moved), subject.head, subject.capture.val)
+    views = subject.capture.val
+    masks = [foreground(subject.capture, view) for view in views]
+    found = mesh_coverage(replace(subject.capture, motion=moved), subject.head, views, masks)
     assert max(one.inside for one in found) < 0.6
 
 

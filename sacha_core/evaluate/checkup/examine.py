@@ -17,6 +17,7 @@ from sacha_core.evaluate.checkup.silhouette import coarse_mask, surface_points
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import Poser
 from sacha_core.interchange.capture import Capture, View
+from sacha_core.progress import Report, silent
 
 __all__ = ["Examination", "examine"]
 
@@ -43,19 +44,20 @@ class Examination:
         return not any(finding.severity == "error" for finding in self.findings)
 
 
-def examine(capture: Capture, head: HeadModel, views: Sequence[View]) -> Examination:
+def examine(capture: Capture, head: HeadModel, views: Sequence[View], report: Report = silent) -> Examination:
     """Check parameters, masks, cameras and the head of a capture.
 
     Args:
         capture: that was read.
         head: that it was tracked with, as far as is known.
         views: some of its views, spread over cameras and timesteps; those alone are decoded.
+        report: told after each view.
 
     Raises:
         DatasetError: an image or a mask cannot be decoded.
     """
     findings = judge_parameters(capture.motion, head)
-    about_masks, masks = judge_masks(capture, views)
+    about_masks, masks = judge_masks(capture, views, report)
     findings += about_masks + judge_cameras_of_file((*capture.train, *capture.val, *capture.test))
     if any(finding.about == "head" for finding in findings):
         return Examination(findings, masks, None)

@@ -10,6 +10,7 @@ from jaxtyping import Bool
 from sacha_core.evaluate.checkup.finding import Finding
 from sacha_core.evaluate.coverage import NEARLY_WHITE, foreground
 from sacha_core.interchange.capture import Capture, View
+from sacha_core.progress import Progress, Report, silent
 
 __all__ = ["judge_cameras_of_file", "judge_masks", "off_centre"]
 
@@ -19,12 +20,15 @@ WHITE_BORDER = 0.5  # of them, where shoulders and hair may cross the edge
 MOST_OFF_CENTRE = 0.25  # of the image's side between its middle and the principal point
 
 
-def judge_masks(capture: Capture, views: Sequence[View]) -> tuple[list[Finding], list[Bool[np.ndarray, "h w"]]]:
+def judge_masks(
+    capture: Capture, views: Sequence[View], report: Report = silent
+) -> tuple[list[Finding], list[Bool[np.ndarray, "h w"]]]:
     """Look at masks and backgrounds of some views.
 
     Args:
         capture: where the views are from.
         views: which to look at.
+        report: told after each view.
 
     Returns:
         What is wrong, and where each view shows the person.
@@ -32,7 +36,10 @@ def judge_masks(capture: Capture, views: Sequence[View]) -> tuple[list[Finding],
     Raises:
         DatasetError: an image or a mask cannot be decoded.
     """
-    masks = [foreground(capture, view) for view in views]
+    masks = []
+    for done, view in enumerate(views, 1):
+        masks.append(foreground(capture, view))
+        report(Progress("look at views", done, len(views)))
     found = []
     everything = (*capture.train, *capture.val, *capture.test)
     n_without = sum(view.mask_path is None for view in everything)
