@@ -128,7 +128,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         OSError: a file cannot be read or written.
     """
     from sacha_core.cli.sources import open_avatar
-    from sacha_core.cli.stage import Stage, region_colours
+    from sacha_core.cli.stage import Stage
 
     if (options.output is None) == (options.video is None):
         raise OptionError("expected one of the two: -o FILE.png for a picture, --video FILE.mp4 for a video")
@@ -139,7 +139,8 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     if options.output is not None and is_posed_or_compared(options):
         return draw_posed(opened, options, options.output, console)
     gaussians = opened.avatar.gaussians
-    colours = region_colours(gaussians, opened.head) if options.colour == "region" else None
+    painted = painted_triangles(opened, options)
+    colours = None if painted is None else painted[gaussians.binding]
     with closing(Stage(gaussians, opened.head, opened.avatar.motion, colours)) as stage:
         if options.output is not None:
             return draw_picture(stage, options, options.output, console)
@@ -207,7 +208,6 @@ def draw_posed(opened: Opened, options: Options, path: Path, console: Console) -
     """Write a picture of any pose from any camera, and beside it, where that was asked for, what it is compared with."""
     from sacha_core.cli import comparing
     from sacha_core.cli.posing import extent_in, placed_cameras, posed_frames
-    from sacha_core.cli.stage import region_colours
 
     comparing.require_image_name(path)
     frames = posed_frames(opened, options.frame, options.vertices)
@@ -219,10 +219,8 @@ def draw_posed(opened: Opened, options: Options, path: Path, console: Console) -
     if options.compare.level is not None:
         shown, n_bytes = comparing.left_at_level(opened, options.avatar, options.compare, console)
     cameras = placed_cameras(options, lambda: viewpoints(extent_in(opened.avatar.gaussians, frames), options))
-    colours = [
-        None if gaussians is None or options.colour == "rgb" else region_colours(gaussians, opened.head)
-        for gaussians in (shown, truth)
-    ]
+    painted = painted_triangles(opened, options)
+    colours = [None if painted is None or one is None else painted[one.binding] for one in (shown, truth)]
     view = comparing.draw_view(shown, frames, cameras, colours[0])
     comparing.write_image(path, view.image)
     height, width = view.image.shape[:2]
@@ -233,6 +231,13 @@ def draw_posed(opened: Opened, options: Options, path: Path, console: Console) -
         return report
     beside = comparing.draw_view(truth, frames, cameras, colours[1])
     return report | comparing.write_compared(view, beside, options.compare, console)
+
+
+def painted_triangles(opened: Opened, options: Options) -> np.ndarray | None:
+    """Give the colour of each triangle's region where those are asked for; None for the avatar's own colours."""
+    from sacha_core.cli.stage import region_colours
+
+    return region_colours(opened.head, opened.avatar.scheme) if options.colour == "region" else None
 
 
 def draw_picture(stage: Stage, options: Options, path: Path, console: Console) -> dict[str, Any]:

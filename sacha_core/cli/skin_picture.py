@@ -62,10 +62,9 @@ def require_png(picture: bytes, path: Path) -> None:
 
 def region_map(head: HeadModel, regions: Partition) -> bytes:
     """Paint the regions of a head with texture coordinates into a PNG."""
-    colours = np.array(regions.colours, np.uint8)[regions.labels]
     assert head.uv is not None
     assert head.uv_faces is not None
-    painted = paint_triangles(head.uv[head.uv_faces], colours, MAP_SIDE, MAP_MARGIN)
+    painted = paint_triangles(head.uv[head.uv_faces], regions.triangle_colours, MAP_SIDE, MAP_MARGIN)
     stream = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(painted[:, :, :3])).save(stream, "PNG")
     return stream.getvalue()

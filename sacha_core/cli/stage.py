@@ -16,8 +16,8 @@ from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import Poser
 from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.raster.camera import Camera
-from sacha_core.regions.labels import label_triangles
-from sacha_core.regions.scheme import PAPER, RegionScheme
+from sacha_core.regions.partition import partition_by
+from sacha_core.regions.scheme import find_scheme
 
 __all__ = ["Stage", "region_colours"]
 
@@ -67,12 +67,16 @@ class Stage:
         self._player.close()
 
 
-def region_colours(gaussians: Gaussians, head: HeadModel, scheme: RegionScheme = PAPER) -> Float[np.ndarray, "n 3"]:
-    """Give each Gaussian the colour of the region that its triangle lies in.
+def region_colours(head: HeadModel, scheme: str) -> Float[np.ndarray, "f 3"]:
+    """Give each triangle the colour of the region that it lies in, sRGB in [0, 1].
+
+    Args:
+        head: whose regions.
+        scheme: the name that the avatar goes by.
 
     Raises:
         HeadError: the head has no masks, so its regions are not known.
+        OptionError: there is no such scheme.
     """
-    palette = np.array(scheme.colours, np.float32) / 255
-    colours: np.ndarray = palette[label_triangles(head, scheme)[gaussians.binding]]
+    colours: np.ndarray = partition_by(head, find_scheme(scheme)).triangle_colours / np.float32(255)
     return colours

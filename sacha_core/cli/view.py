@@ -96,20 +96,14 @@ def open_page(title: str, opened: Opened, host: str, port: int) -> Page:
     from sacha_core.viewer.puppet import Puppet
 
     puppet = Puppet(opened.head, opened.avatar.motion)
-    return Page(title, puppet, Grades(opened.avatar, opened.head), region_colours(opened), host, port)
+    return Page(title, puppet, Grades(opened.avatar, opened.head), colours_if_known(opened), host, port)
 
 
-def region_colours(opened: Opened) -> np.ndarray | None:
+def colours_if_known(opened: Opened) -> np.ndarray | None:
     """Give the colour of each triangle's region; None where regions are not known."""
-    import numpy as np
+    from sacha_core.cli.stage import region_colours
 
-    from sacha_core.regions.labels import label_triangles
-    from sacha_core.regions.scheme import find_scheme
-
-    scheme = find_scheme(opened.avatar.scheme)
     try:
-        labels = label_triangles(opened.head, scheme)
+        return region_colours(opened.head, opened.avatar.scheme)
     except HeadError:  # a head without masks has no regions to colour: the page then offers none
         return None
-    colours: np.ndarray = (np.array(scheme.colours, np.float32) / 255)[labels]
-    return colours

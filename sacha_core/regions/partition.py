@@ -31,6 +31,12 @@ class Partition:
     colours: tuple[tuple[int, int, int], ...]
     labels: UInt8[np.ndarray, " f"]
 
+    @property
+    def triangle_colours(self) -> UInt8[np.ndarray, "f 3"]:
+        """SRGB of each triangle's region, 0 to 255."""
+        colours: np.ndarray = np.array(self.colours, np.uint8).reshape(-1, 3)[self.labels]
+        return colours
+
     def label(self, region: str) -> int:
         """Give a region's label.
 

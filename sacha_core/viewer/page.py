@@ -41,7 +41,7 @@ class Page:
         title: shown on top.
         puppet: that is posed.
         grades: what it looks like by level.
-        region_colours: (r, 3) in [0, 1] of each triangle's region, by triangle; None where regions are not known.
+        region_colours: (f, 3) sRGB in [0, 1] of each triangle's region; None where regions are not known.
         host: address to listen at.
         port: to listen at; another one is taken where it is in use.
 

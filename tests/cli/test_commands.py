@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -19,7 +20,7 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.cli.common import HeadSource
 from sacha_core.cli.sources import open_avatar
 from sacha_core.cli.train import Variant
-from sacha_core.codec import decode
+from sacha_core.codec import decode, encode
 from sacha_core.flame.head_file import load_head
 from sacha_core.flame.shelf import find_head
 from sacha_core.flame.synthetic import synthetic_head
@@ -255,6 +256,20 @@ def test_render_by_region_shows_the_regions_colours(done, sacha_file: Path, tmp_
         return float((image.max(axis=2) - image.min(axis=2)).mean())
 
     assert colourfulness(regions) > 2 * colourfulness(plain)
+
+
+def test_render_by_region_goes_by_the_avatars_own_scheme(done, sacha_file: Path, tmp_path: Path) -> None:
+    """Regions differ where the scheme does, and what the avatar looks like does not."""
+    avatar, head = decode(sacha_file.read_bytes(), head=synthetic_head("small")), synthetic_head("small")
+    pictures = {}
+    for scheme in ("paper", "wide-eyes"):
+        file = tmp_path / f"{scheme}.sacha"
+        file.write_bytes(encode(replace(avatar, scheme=scheme), 4, head=head))
+        for colour in ("rgb", "region"):
+            pictures[scheme, colour] = tmp_path / f"{scheme}-{colour}.png"
+            done("render", file, "-o", pictures[scheme, colour], "--colour", colour, "--head", "synthetic:small")
+    np.testing.assert_array_equal(picture(pictures["paper", "rgb"]), picture(pictures["wide-eyes", "rgb"]))
+    assert np.abs(picture(pictures["paper", "region"]) - picture(pictures["wide-eyes", "region"])).max() > 20
 
 
 def test_render_writes_a_video(done, sacha_file: Path, tmp_path: Path) -> None:

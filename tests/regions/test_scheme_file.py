@@ -30,6 +30,8 @@ def test_the_masks_scheme_is_a_partition_like_any_other() -> None:
     found = partition_by(HEAD)
     assert (found.name, found.regions, found.colours) == (PAPER.name, PAPER.regions, PAPER.colours)
     assert np.array_equal(found.labels, label_triangles(HEAD, PAPER))
+    for colour, label in zip(found.triangle_colours, found.labels, strict=True):
+        assert tuple(colour) == PAPER.colours[label]
 
 
 @given(st.integers(0, 99))
