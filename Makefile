@@ -32,9 +32,9 @@ lint: install
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Every bench in its quick preset: tables, plots and a page that joins them. For more, `sacha bench all` without --quick.
+# Every bench in its quick preset, what is timed once more at the end: tables, plots and a page. For more, `sacha bench all` without --quick.
 bench: install
-	$(BIN)/sacha bench all --quick --out out/bench
+	$(BIN)/sacha bench all --quick --repeat --out out/bench
 
 # The same, put into the performance page.
 bench-page: bench

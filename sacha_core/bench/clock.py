@@ -12,10 +12,12 @@ from jaxtyping import Float
 
 from sacha_core.bench import reference
 
-__all__ = ["LEAST_ROUNDS", "Clock", "Times", "interleave"]
+__all__ = ["AGAIN", "LEAST_ROUNDS", "Clock", "Times", "interleave", "is_median"]
 
 K = TypeVar("K")
 LEAST_ROUNDS = 3  # of which a median and quartiles can be taken at all
+AGAIN = "_again_ms"  # how keys end that say what a time was when its bench was run once more
+SPREAD = ("_min_ms", "_q1_ms", "_q3_ms", "_busy_ms", AGAIN)  # of a time, not times of their own
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,11 @@ class Times:
     def __add__(self, other: Times) -> Times:
         """Give what both took together, round by round."""
         return Times(self.wall_s + other.wall_s, self.busy_s + other.busy_s)
+
+
+def is_median(key: str) -> bool:
+    """Tell whether a key of a row names a time by the wall, not what `Times.row` says of one besides."""
+    return key.endswith("_ms") and not key.endswith(SPREAD)
 
 
 def interleave(

@@ -41,6 +41,10 @@ class Table:
     columns: tuple[Column, ...]
     identity: tuple[str, ...]
 
+    def key_of(self, row: Row) -> tuple[Any, ...]:
+        """Give what tells one of its rows from another."""
+        return tuple(row.get(key) for key in self.identity)
+
 
 @dataclass(frozen=True)
 class Panel:

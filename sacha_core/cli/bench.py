@@ -33,7 +33,7 @@ class Options:
 
     sacha bench all --quick --out out/bench      every bench into a folder: JSON, tables, pictures, index.md
 
-    sacha bench compare out/bench out/again      do two runs agree?
+    sacha bench compare out/bench out/again      do two runs agree, within the noise that --repeat measures?
 
     sacha bench page out/bench                   put the results into the performance page
 
@@ -51,6 +51,9 @@ class Options:
 
     quick: bool = False
     """Measure less: a minute or so a bench instead of several."""
+
+    repeat: bool = False
+    """all: run what takes time once more when all are done, to know how far two runs may differ."""
 
     threads: Annotated[MaybeInt, tyro.conf.arg(metavar="N", help_behavior_hint="(default: one a processor)")] = None
     """How many threads at most."""
@@ -123,7 +126,8 @@ def check(options: Options) -> None:
     measuring = (*BENCHES, "all")
     drawn = tuple(name for name, place in BENCHES.items() if place.drawn)
     takers = {
-        "paths": ("compare", "page", "codec"), "quick": measuring, "threads": measuring, "plot": drawn, "out": ("all", "page"),
+        "paths": ("compare", "page", "codec"), "quick": measuring, "repeat": ("all",),
+        "threads": measuring, "plot": drawn, "out": ("all", "page"),
         "avatar": ("codec", "playback", "all"), "dataset": ("train", "codec", "all"),
         "motion": ("codec",), "codecs": ("codec",), "require": ("codec",), "sheet": ("codec",),
     }  # fmt: skip
@@ -243,13 +247,15 @@ def run_all(options: Options, console: Console) -> dict[str, Any]:
         SachaError: the avatar or the capture is broken.
         OSError: a file cannot be read or written.
     """
+    from sacha_core.bench.again import has_times, with_repeat
     from sacha_core.bench.registry import BENCHES
     from sacha_core.bench.store import write_bench, write_index
 
-    folder, chosen = options.out or FOLDER, preset(options)
+    folder, chosen, begun = options.out or FOLDER, preset(options), dict[str, float]()
     records: dict[str, Record] = {}
     left_out: dict[str, str] = {}
     for name in BENCHES:
+        begun[name] = time.perf_counter()
         try:
             record = run_one(name, chosen, console)
         except OptionError as error:  # no device, say: nothing that measuring the others would suffer from
@@ -259,6 +265,11 @@ def run_all(options: Options, console: Console) -> dict[str, Any]:
         write_bench(record, folder)
         note = f"not run: {left_out[name]}" if name in left_out else f"{record.seconds:6.1f} s  {folder / name}.md"
         console.say(f"{name:10} {note}")
+    for name in [name for name, record in records.items() if options.repeat and has_times(record.bench)]:
+        later_s = time.perf_counter() - begun[name]
+        records[name] = with_repeat(records[name], again := run_one(name, chosen, console), later_s)
+        write_bench(records[name], folder)
+        console.say(f"{name:10} {again.seconds:6.1f} s  again")
     write_index(records, folder)
     console.wrote("page", folder / "index.md")
     broken = [f"{name}: {what}" for name, record in records.items() for what in record.bench.broken]

@@ -73,6 +73,15 @@ def test_all_go_into_a_folder_but_what_cannot_run_here(call, benches, tmp_path: 
     assert "## Summary of cuda\n\n- Not run: no device was found.\n" in (tmp_path / "out" / "index.md").read_text()
 
 
+def test_what_is_timed_runs_once_more(call, benches, tmp_path: Path) -> None:
+    done = call("bench", "all", "--quick", "--repeat", "--out", tmp_path / "out")
+    assert done.status == 0, done.err
+    assert [line.split()[0] for line in done.out.splitlines() if line.endswith(" again")] == ["raster"]
+    rows = json.loads((tmp_path / "out" / "raster.json").read_text())["rows"]
+    assert all(row["a_again_ms"] == row["a_ms"] for row in rows)
+    assert "nineteen of twenty times within a factor of 1.00" in (tmp_path / "out" / "index.md").read_text()
+
+
 def test_what_does_not_hold_is_named_and_ends_with_status_1(call, benches, tmp_path: Path) -> None:
     benches["stability"].measure = cases("poison: NaN mean")
     for arguments in (("stability",), ("all", "--out", tmp_path / "out")):
@@ -109,6 +118,7 @@ def test_results_are_put_on_a_page(call, benches, tmp_path: Path) -> None:
         (("raster", "--dataset", "x"), "bench raster has no use for --dataset"),
         (("raster", "--avatar", "x"), "bench raster has no use for --avatar"),
         (("all", "--plot", "p.png"), "bench all has no use for --plot"),
+        (("raster", "--repeat"), "bench raster has no use for --repeat"),
         (("page", "a", "--quick"), "bench page has no use for --quick"),
         (("raster", "--threads", "0"), "--threads is 0, expected 1 or more"),
         (("compare", "a"), "bench compare takes 2 folders, not 1"),
