@@ -11,7 +11,6 @@ import pytest
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.flame.model import HeadModel
-from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.geometry.quaternion import multiply
 from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.raster.camera import Camera
@@ -30,11 +29,6 @@ EXACT = 0.02  # of what is measured without chance, for that reason and where an
 @pytest.fixture(scope="module")
 def rasteriser() -> Rasteriser:
     return Rasteriser(1)
-
-
-@pytest.fixture(scope="module")
-def head() -> HeadModel:
-    return synthetic_head("small")
 
 
 def scene(head: HeadModel) -> tuple[Gaussians, Shot]:

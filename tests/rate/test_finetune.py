@@ -7,11 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sacha_core.avatar.avatar import Avatar
-from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.codec import decode, encode
 from sacha_core.errors import OptionError
-from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.perception.psnr import psnr
 from sacha_core.raster.scene import render_avatar
@@ -26,28 +23,6 @@ GAINED_DB = 0.5  # at least; about 2 dB are typical
 SAME_SIZE = 1.03  # of the file, at most
 SAVED = 0.995  # of the bytes, by a few steps on Gaussians that have nothing in common
 SAME_PICTURE_DB = 75.0  # quaternions rounded another way, which may move an edge at 1/255 by a pixel
-
-
-@pytest.fixture(scope="module")
-def head():
-    return synthetic_head("small")
-
-
-@pytest.fixture(scope="module")
-def avatar(head):
-    rng = np.random.default_rng(5)
-    gaussians = initial_gaussians(head.n_faces, rng, 1)
-    n, f4 = len(gaussians), np.float32
-    gaussians = replace(
-        gaussians,
-        position=rng.normal(0, 0.3, (n, 3)).astype(f4),
-        log_scale=rng.normal(-0.3, 0.3, (n, 3)).astype(f4),
-        quaternion=rng.normal(0, 1, (n, 4)).astype(f4),
-        opacity_logit=rng.normal(1, 1, n).astype(f4),
-        sh_dc=rng.normal(0, 0.4, (n, 3)).astype(f4),
-        sh_rest=rng.normal(0, 0.1, (n, 3, 3)).astype(f4),
-    )
-    return Avatar(gaussians, head.reference)
 
 
 def test_tuned_file_looks_more_like_the_avatar_at_the_same_size(avatar, head):

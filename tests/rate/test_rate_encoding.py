@@ -13,7 +13,6 @@ from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.codec import decode, encode, inspect
 from sacha_core.codec.levels import level_at
 from sacha_core.flame.model import HeadModel
-from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.scene import render_avatar
 from sacha_core.rate.encoding import RenderingEncoder, encode_by_rendering
@@ -23,11 +22,6 @@ from sacha_core.rate.visibility import grounds_for, prune, removal_errors
 
 JOINTLY = 2.0  # times what the removed were worth alone, at most: many hide behind one another
 DB = 0.01  # float32 pictures, summed in another order
-
-
-@pytest.fixture(scope="module")
-def head() -> HeadModel:
-    return synthetic_head("small")
 
 
 @pytest.fixture(scope="module")

@@ -7,13 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sacha_core.avatar.avatar import Avatar
-from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.cli.encoding import region_factors
 from sacha_core.codec import decode
 from sacha_core.codec.levels import level_at
 from sacha_core.errors import OptionError
-from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.raster.scene import render_avatar
 from sacha_core.rate.encoding import RenderingEncoder
 from sacha_core.rate.views import protocol_shots
@@ -21,53 +18,40 @@ from sacha_core.regions.labels import label_triangles
 from sacha_core.regions.scheme import PAPER
 
 FACTOR = 8
-GAINED_DB = 1.0  # at least, in the region, at no more bytes; 4 dB are usual on a trained avatar
+GAINED_DB = 1.0  # at least, in the region, at fewer bytes, on average: 3.6 over twelve such avatars, that differ by 2.6
 FLOAT32 = 1e-5  # of a sigmoid in float32
 
 
 @pytest.fixture(scope="module")
-def head():
-    return synthetic_head("small")
+def avatar(matt_avatars):
+    return matt_avatars[0]
 
 
-@pytest.fixture(scope="module")
-def avatar(head):
-    rng = np.random.default_rng(7)
-    gaussians = initial_gaussians(head.n_faces, rng, 0)
-    n, f4 = len(gaussians), np.float32
-    return Avatar(
-        replace(
-            gaussians,
-            position=rng.normal(0, 0.3, (n, 3)).astype(f4),
-            log_scale=rng.normal(-0.3, 0.3, (n, 3)).astype(f4),
-            quaternion=rng.normal(0, 1, (n, 4)).astype(f4),
-            opacity_logit=rng.normal(1, 1, n).astype(f4),
-            sh_dc=rng.normal(0, 0.4, (n, 3)).astype(f4),
-        ),
-        head.reference,
-    )
+def test_region_that_counts_more_looks_better_in_a_smaller_file(matt_avatars, head):
+    gains_db = []
+    for avatar in matt_avatars:
+        factors = region_factors([f"mouth={FACTOR}"], avatar, head)
+        mouth = label_triangles(head)[avatar.gaussians.binding] == PAPER.label("mouth")
+        np.testing.assert_array_equal(factors, np.where(mouth, FACTOR, 1))
+        plain = RenderingEncoder(avatar, head).encode(level_at(2.0)).data
+        steered = RenderingEncoder(avatar, head, factors=factors).encode(level_at(1.6)).data
+        assert len(steered) < len(plain)
+        gains_db.append(
+            10 * np.log10(error_within(mouth, avatar, head, plain) / error_within(mouth, avatar, head, steered))
+        )
+    assert np.mean(gains_db) > GAINED_DB
 
 
-def test_region_that_counts_more_looks_better_in_a_smaller_file(avatar, head):
-    region = PAPER.label("mouth")
-    factors = region_factors([f"mouth={FACTOR}"], avatar, head)
-    marked = (label_triangles(head)[avatar.gaussians.binding] == region).astype(np.float32)
-    np.testing.assert_array_equal(factors, np.where(marked > 0, FACTOR, 1))
-    files = [
-        RenderingEncoder(avatar, head, factors=given).encode(level_at(level)).data
-        for given, level in ((None, 2.0), (factors, 1.6))
-    ]
-    errors = np.zeros(2)
+def error_within(marked, avatar, head, data):
+    """Give the squared error of a file, summed over views, where the marked Gaussians are what is seen."""
+    decoded, error = decode(data, head=head).gaussians, 0.0
     (shot, *_) = protocol_shots(avatar, head, 1, 0.5)
     for camera in shot.cameras[2:14:4]:
-        colours = np.repeat(marked[:, None], 3, axis=1)
+        colours = np.repeat(marked.astype(np.float32)[:, None], 3, axis=1)
         here = render_avatar(avatar.gaussians, shot.frames, camera, 0.0, colours=colours).colour[..., 0] > 0.5
-        truth = render_avatar(avatar.gaussians, shot.frames, camera).colour[here]
-        for i, data in enumerate(files):
-            drawn = render_avatar(decode(data, head=head).gaussians, shot.frames, camera).colour[here]
-            errors[i] += ((drawn - truth) ** 2).mean()
-    assert len(files[1]) <= len(files[0])
-    assert 10 * np.log10(errors[0] / errors[1]) > GAINED_DB
+        drawn, truth = (render_avatar(one, shot.frames, camera).colour[here] for one in (decoded, avatar.gaussians))
+        error += ((drawn - truth) ** 2).mean()
+    return error
 
 
 @pytest.mark.parametrize("weight", ["mouth", "mouth=0", "chin=2", "mouth=nan"])

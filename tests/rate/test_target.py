@@ -16,15 +16,9 @@ from sacha_core.codec import decode, encode
 from sacha_core.codec.levels import MAX_QUALITY, MIN_QUALITY, level_at
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
-from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.rate.encoding import RenderingEncoder
 from sacha_core.rate.judging import Judge
 from sacha_core.rate.target import encode_to_psnr, encode_to_size, parse_size, search
-
-
-@pytest.fixture(scope="module")
-def head() -> HeadModel:
-    return synthetic_head("small")
 
 
 @pytest.fixture(scope="module")
