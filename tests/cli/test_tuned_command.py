@@ -5,10 +5,15 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-WORSE_DB = 0.5  # by a held-out camera, after a hundred iterations that left everything rough; what fitting gains is held in tests/rate
+# What fitting promises is a file nearer to the pictures of the cameras that the model was trained by. In expressions that it never saw,
+# by those cameras, models of three seeds gained 1.3 to 1.6 dB. A camera that is held out from two, after a hundred iterations that left
+# everything rough, is promised nothing: it saw -0.21, +0.17 and +0.21 dB. So there it is held not to be spoiled, and no more.
+GAINED_DB = 1.0
+WORSE_DB = 0.3
+MORE_BYTES = 1.12  # of the plain file, of which 6 to 10 % are usual on an avatar of 1,300 bytes
 
 
-def test_finetuned_file_lies_beside_the_model_and_looks_no_worse(
+def test_finetuned_file_lies_beside_the_model_and_looks_better_by_the_cameras_of_training(
     done, capture: Path, model: Path, tmp_path: Path
 ) -> None:
     folder = tmp_path / "model"
@@ -20,8 +25,10 @@ def test_finetuned_file_lies_beside_the_model_and_looks_no_worse(
     assert "fitted through its quantiser" in outcome.out
     plain = tmp_path / "plain.sacha"
     done("encode", model, "-o", plain, "--level", 1)
-    found = [done("evaluate", path, capture).report["novel_view"]["psnr"] for path in (plain, folder / "level-1.sacha")]
-    assert found[1] > found[0] - WORSE_DB
+    assert told["bytes"] < MORE_BYTES * plain.stat().st_size
+    before, after = (done("evaluate", path, capture).report for path in (plain, folder / "level-1.sacha"))
+    assert after["novel_expression"]["psnr"] > before["novel_expression"]["psnr"] + GAINED_DB
+    assert after["novel_view"]["psnr"] > before["novel_view"]["psnr"] - WORSE_DB
 
 
 def test_model_alone_says_nothing_of_tuning(done, capture: Path, model: Path, tmp_path: Path) -> None:
