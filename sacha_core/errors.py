@@ -10,6 +10,7 @@ __all__ = [
     "MissingHeadError",
     "MissingMasksError",
     "OptionError",
+    "ProgramError",
     "SachaError",
     "TopologyError",
     "VersionError",
@@ -64,3 +65,7 @@ class DatasetError(SachaError):
 
 class OptionError(SachaError):
     """An option has a value that makes no sense; the message names the option and its range."""
+
+
+class ProgramError(SachaError):
+    """Another program could not be started, failed, or took too long; the message names it and gives the last that it said."""

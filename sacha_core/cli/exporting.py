@@ -174,7 +174,7 @@ def write_spz(path: Path, gaussians: Gaussians) -> None:
 
     Raises:
         OptionError: the program is missing.
-        PeerError: it failed.
+        ProgramError: it failed.
         OSError: a file cannot be written.
     """
     lack = lacking()

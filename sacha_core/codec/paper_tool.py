@@ -9,9 +9,7 @@ Source: conventions of the programs: TMC13's options (doc/README.options.md) and
 
 from __future__ import annotations
 
-import os
 import struct
-import subprocess
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,9 +20,10 @@ from jaxtyping import Int
 from sacha_core.codec.paper_map import ATTRIBUTE_MAX, POSITION_MAX, columns_of
 from sacha_core.codec.point_ply import read_points, write_points
 from sacha_core.codec.reading import ByteReader, pack_text
-from sacha_core.errors import FormatError, OptionError
+from sacha_core.errors import FormatError, OptionError, ProgramError
+from sacha_core.programs import named_program, run_program
 
-__all__ = ["TOOL_VARIABLE", "decode_with_tool", "encode_with_tool", "tool_name"]
+__all__ = ["TMC13", "TOOL_VARIABLE", "decode_with_tool", "encode_with_tool", "tool_name"]
 
 TOOL_VARIABLE = "SACHA_TMC3"
 TMC13, GES_TM = "tmc3", "GeS-TM"
@@ -67,7 +66,11 @@ class Tool:
         Raises:
             OptionError: it cannot be run.
         """
-        text = call(path, ["--help"], check=False)
+        path = path.absolute()
+        try:
+            text = run_program([path, "--help"], limit_s=TIMEOUT_S, check=False)
+        except ProgramError as fault:
+            raise OptionError(f"{path}: cannot be run as a coder of point clouds: {fault}") from fault
         return cls(path, GES_TM if HELP_OF_GES_TM in text else TMC13)
 
     def encode(self, folder: Path, columns: dict[str, Int[np.ndarray, " n"]], qps: dict[str, int]) -> bytes:
@@ -101,29 +104,13 @@ class Tool:
         config = folder / "options.cfg"
         config.write_text("".join(f"{name}: {value}\n" for name, value in options))
         (folder / made).unlink(missing_ok=True)
-        call(self.path, ["-c", str(config), *(f"--{name}={folder / file}" for name, file in files.items())])
+        told = [f"--{name}={folder / file}" for name, file in files.items()]
+        try:
+            run_program([self.path, "-c", config, *told], folder, TIMEOUT_S)
+        except ProgramError as fault:
+            raise FormatError(f"{self.path}: {fault}") from fault
         if not (folder / made).is_file():
             raise FormatError(f"{self.path} wrote no {made}")
-
-
-def call(path: Path, arguments: list[str], check: bool = True) -> str:
-    """Run the program; give what it said.
-
-    Raises:
-        OptionError: it cannot be run.
-        FormatError: it failed.
-    """
-    try:
-        done = subprocess.run(  # noqa: S603  # the user named it
-            [str(path), *arguments], capture_output=True, timeout=TIMEOUT_S, check=False, stdin=subprocess.DEVNULL
-        )
-    except (OSError, subprocess.TimeoutExpired) as fault:
-        raise OptionError(f"{path}: cannot be run as a coder of point clouds: {fault}") from fault
-    said = (done.stdout + done.stderr).decode("utf-8", "replace")
-    if check and done.returncode:
-        last = (said.strip().splitlines() or ["nothing said"])[-1][:200]
-        raise FormatError(f"{path} failed with exit code {done.returncode}: {last}")
-    return said
 
 
 def split_units(coded: bytes) -> list[bytes]:
@@ -244,14 +231,14 @@ def decode_with_tool(reader: ByteReader, n: int, n_harmonics: int) -> Int[np.nda
     """Have the program that the user named read the rows of a file.
 
     Raises:
-        OptionError: none is named, or it is another one than the file was made with.
+        OptionError: none is named, or what is named is no program, or another one than the file was made with.
         FormatError: it failed, or gives other points than it should.
     """
     name, streams = unpack_streams(reader)
-    path = os.environ.get(TOOL_VARIABLE)
-    if not path:
+    path = named_program(TOOL_VARIABLE)
+    if path is None:
         raise OptionError(f"the file was coded by {name}; name that program: {TOOL_VARIABLE}=PATH")
-    tool = Tool.at(Path(path))
+    tool = Tool.at(path)
     if tool.name != name:
         raise OptionError(f"{TOOL_VARIABLE}={path} is a {tool.name}; the file was coded by {name!a}")
     return decode_streams(tool, streams, n, n_harmonics)

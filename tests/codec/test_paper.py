@@ -164,10 +164,18 @@ def test_external_program_codes_and_decodes(program, monkeypatch):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the stand-in is a shell script")
 def test_program_that_fails_is_told(tmp_path):
-    with pytest.raises(FormatError, match="exit code 3: out of luck"):
+    with pytest.raises(FormatError, match="ended with status 3: out of luck"):
         encode_paper(random_avatar(3), tmc3=executable(tmp_path / "broken"))
     with pytest.raises(OptionError, match="cannot be run"):
         encode_paper(random_avatar(3), tmc3=tmp_path / "missing")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the stand-in is a shell script")
+def test_a_program_that_is_not_where_it_was_named_is_told(program, monkeypatch):
+    data = encode_paper(crowded(8, 3), 4, tmc3=program)
+    monkeypatch.setenv("SACHA_TMC3", str(program.with_name("elsewhere")))
+    with pytest.raises(OptionError, match=r"SACHA_TMC3 names .*elsewhere, which is no file"):
+        decode(data)
 
 
 def test_of_several_at_a_point_the_most_alike_are_matched():

@@ -13,12 +13,12 @@ from glb_reading import Glb, validated
 
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.errors import FormatError
-from sacha_core.evaluate.peers.running import find_program
 from sacha_core.evaluate.peers.splat_transform import PROGRAM, VARIABLE, lacking
 from sacha_core.geometry.quaternion import normalise, to_matrix
 from sacha_core.interchange.gltf_splats import EXTENSION, write_gltf_splats
 from sacha_core.interchange.splat_ply import write_world_ply
 from sacha_core.interchange.y_down import turned_over
+from sacha_core.programs import find_program
 from sacha_core.raster.harmonics import sh_colours
 
 FLOAT32 = 2e-6  # relative; two ways to add a few products

@@ -21,14 +21,15 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.codec.paper_tool import TMC13, TOOL_VARIABLE
 from sacha_core.evaluate.peers import gpcc_points as points
 from sacha_core.evaluate.peers.bindings import decode_bindings, encode_bindings
 from sacha_core.evaluate.peers.peer import Domain, Ground, Parts, Peer, PeerError, Setting
-from sacha_core.evaluate.peers.running import find_program, run_program
+from sacha_core.programs import find_program, run_program
 
 __all__ = ["PEERS", "PROGRAM", "VARIABLE"]
 
-PROGRAM, VARIABLE = "tmc3", "SACHA_TMC3"
+PROGRAM, VARIABLE = TMC13, TOOL_VARIABLE
 LARGEST_QP = 51  # that tmc3 takes; of JEE6.2's only chroma of degree 3 at r01 would be larger, by 2
 COMMON = (
     "--trisoupNodeSizeLog2=0", "--mergeDuplicatedPoints=0", "--neighbourAvailBoundaryLog2=8", "--intra_pred_max_node_size_log2=6",
@@ -41,7 +42,11 @@ VARIED, CONSTANT = 1, 0
 
 
 def lacking() -> str | None:
-    """Say whether the program is missing."""
+    """Say whether the program is missing.
+
+    Raises:
+        OptionError: the variable names something that is no file.
+    """
     if find_program(VARIABLE, PROGRAM) is not None:
         return None
     return f"needs {PROGRAM}, MPEG's test model for G-PCC (MPEGGroup/mpeg-pcc-tmc13): build it, put it on PATH or name it in {VARIABLE}"

@@ -25,8 +25,8 @@ from jaxtyping import Int
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.evaluate.peers.bindings import decode_bindings, encode_bindings
 from sacha_core.evaluate.peers.peer import Ground, Parts, Peer, PeerError, Setting, enlarged
-from sacha_core.evaluate.peers.running import find_program, run_program
 from sacha_core.interchange.splat_ply import read_world_ply, write_world_ply
+from sacha_core.programs import find_program, run_program
 
 __all__ = ["PACKAGE", "PEERS", "VARIABLE"]
 
@@ -41,7 +41,11 @@ HEAD = struct.Struct("<f")  # factor that places and sizes were multiplied by
 
 
 def lacking() -> str | None:
-    """Say whether the program is missing."""
+    """Say whether the program is missing.
+
+    Raises:
+        OptionError: the variable names something that is no file.
+    """
     if find_program(VARIABLE, PROGRAM) is not None:
         return None
     return f"needs the program {PROGRAM}: `make peers` (npm install {PACKAGE}), then put it on PATH or name it in {VARIABLE}"
@@ -108,7 +112,8 @@ def transform(folder: Path, source: str, target: str) -> None:
     """Run the program on the processor alone.
 
     Raises:
-        PeerError: it is missing or failed.
+        PeerError: it is missing.
+        ProgramError: it failed.
     """
     program = find_program(VARIABLE, PROGRAM)
     if program is None:
