@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from . import told
 from .engine import Disagreement, disagreement
 
-__all__ = ["Ending", "Heard", "ending", "quoted"]
+__all__ = ["Ending", "Heard", "ending", "exit_status", "quoted"]
 
 QUOTED_LINES = 40  # of a log, in diagnostics
 LOOKED_AT_LINES = 20  # of a log, for what went wrong
@@ -40,10 +40,12 @@ class Heard:
     Args:
         hello: `engine`, its version, and `speaks`; None before it spoke, and for programs that do not.
         error: what ended it, as it said; None where it did not say.
+        finished: it said that all its work is done and written.
     """
 
     hello: dict[str, Any] | None = None
     error: Ending | None = None
+    finished: bool = False
 
     def line(self, line: bytes) -> bool:
         """Take in a line of the worker's; tell whether it was one of these."""
@@ -53,15 +55,22 @@ class Heard:
                 self.hello = said
             elif "error" in said:
                 self.error = Ending(str(said["error"]["kind"]), str(said["error"]["message"]))
+            elif said.get("finished") is True:
+                self.finished = True
             else:
                 return False
-        except (ValueError, LookupError, TypeError, RecursionError):
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
             return False  # a library of the worker printed something
         return True
 
     def disagreement(self) -> Disagreement | None:
         """Tell whether this is an engine that the add-on does not understand; one that has not spoken may still do so."""
         return None if self.hello is None else disagreement(self.hello)
+
+
+def exit_status(code: int) -> str:
+    """Name how a process ended."""
+    return f"signal {-code}" if code < 0 else f"code {code}"
 
 
 def ending(arguments: Sequence[Any], code: int, folder: Path, heard: Heard) -> Ending:
@@ -85,9 +94,9 @@ def _unsaid(arguments: Sequence[Any], code: int, lines: list[str]) -> Ending:
     if any(sentence in line for line in lines for sentence in NO_ENGINE):
         return Ending("NoEngine", f"{arguments[0]} has no SACHA engine: install it there with pip")
     if code < 0:  # on POSIX: a signal that nobody here sent
-        return Ending("EngineKilled", f"The engine was ended from outside (signal {-code})")
+        return Ending("EngineKilled", f"The engine was ended from outside ({exit_status(code)})")
     if not lines:
-        return Ending("", f"The engine ended with code {code} and said nothing")
+        return Ending("", f"The engine ended with {exit_status(code)} and said nothing")
     if code == BAD_INPUT and "sacha_core" in arguments and lines[-1].startswith("sacha"):
         return Ending(*disagreement(None))  # it ended as engines end, and was one from before the agreement
     return Ending("EngineBroken" if any(line.startswith("Traceback (") for line in lines) else "", lines[-1])

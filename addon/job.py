@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from . import leftovers, told
-from .ending import Ending, Heard, ending, quoted
+from .ending import Ending, Heard, ending, exit_status, quoted
 from .processes import DETACHED
 from .told import LOG, PRINTED, Told
 
@@ -60,6 +60,7 @@ class Job:
     started_s: float = field(default_factory=time.monotonic)
     _unfinished_line: bytes = b""
     _stop_asked_s: float | None = None
+    _finished_s: float | None = None
     _outcome: Outcome = Outcome.RUNNING
 
     @property
@@ -98,20 +99,13 @@ class Job:
             return self._outcome
         code = self.process.poll()
         self._read_progress()
-        now_s = time.monotonic()
-        disagreeing = self.heard.disagreement() is not None
         if code is None:
-            if disagreeing:  # what it does would be misread: not worth waiting for
-                self.ask_to_stop()
-            if self._stop_asked_s is None and now_s - self.started_s > self.time_limit_s:
-                self.ask_to_stop()
-            elif self._stop_asked_s is not None and now_s - self._stop_asked_s > GRACE_S:
-                self._signal(kill=True)
+            self._hold_to_limits(time.monotonic())
             return Outcome.RUNNING
         self.output.close()
-        if disagreeing:
+        if self.heard.disagreement() is not None:
             self._outcome = Outcome.FAILED
-        elif code == 0:
+        elif code == 0 or self.heard.finished:
             self._outcome = Outcome.FINISHED
         elif self._stop_asked_s is None:
             self._outcome = Outcome.FAILED
@@ -120,6 +114,20 @@ class Job:
         else:
             self._outcome = Outcome.CANCELLED
         return self._outcome
+
+    def _hold_to_limits(self, now_s: float) -> None:
+        """Ask a worker to stop that has no more to do, or is not worth waiting for; end it where it has not listened."""
+        if self._stop_asked_s is not None:
+            if now_s - self._stop_asked_s > GRACE_S:
+                self._signal(kill=True)
+        elif self.heard.disagreement() is not None:  # what it does would be misread
+            self.ask_to_stop()
+        elif self.heard.finished:
+            self._finished_s = self._finished_s or now_s
+            if now_s - self._finished_s > GRACE_S:  # programs hang at their end, too
+                self.ask_to_stop()
+        elif now_s - self.started_s > self.time_limit_s:
+            self.ask_to_stop()
 
     def wait(self) -> Outcome:
         """Poll until the worker has ended; never longer than its time limit and the grace."""
@@ -139,6 +147,11 @@ class Job:
         self._signal(kill=True)
         self.process.wait()
         self.poll()
+
+    def aftermath(self) -> str:
+        """Say how a worker that had finished its work crashed or hung after that; empty where it ended as programs should."""
+        code = self.process.returncode
+        return "" if self._outcome is not Outcome.FINISHED or not code else exit_status(code)
 
     def complaint(self) -> str:
         """Say why the job did not finish, in one line."""

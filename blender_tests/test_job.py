@@ -15,6 +15,8 @@ STUBBORN = (
     "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('deaf', flush=True); time.sleep(60)"
 )
 
+FINISHED = '{"finished": true}'
+
 HALTING_WRITER = """
 import os, sys, time
 print("a library says hello")
@@ -86,6 +88,26 @@ def test_a_worker_that_does_not_listen_is_killed_after_the_grace(
     job.ask_to_stop()
     assert job.wait() is job_module.Outcome.CANCELLED
     assert job.process.returncode == -signal.SIGKILL
+    job.remove()
+
+
+@pytest.mark.parametrize("said", [True, False])
+def test_a_crash_after_all_is_done_is_told_but_no_failure(job_module: ModuleType, said: bool) -> None:
+    code = f"import os, signal; print('{FINISHED}' if {said} else '', flush=True); os.kill(os.getpid(), signal.SIGSEGV)"
+    job = start(job_module, code)
+    assert job.wait() is (job_module.Outcome.FINISHED if said else job_module.Outcome.FAILED)
+    assert job.aftermath() == ("signal 11" if said else "")
+    assert "signal 11" in job.complaint()
+    job.remove()
+
+
+def test_a_worker_that_hangs_after_all_is_done_is_ended_and_has_finished(
+    job_module: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(job_module, "GRACE_S", 0.2)
+    job = start(job_module, f"print('{FINISHED}', flush=True)\n{STUBBORN}")
+    assert job.wait() is job_module.Outcome.FINISHED
+    assert job.aftermath() == "signal 9"
     job.remove()
 
 

@@ -242,7 +242,9 @@ def test_a_motion_keeps_its_pace_in_a_scene_of_another(addon: ModuleType, rigs: 
 
 def actions_of(shown: bpy.types.Object) -> set[bpy.types.Action]:
     """Give the actions that move a head: one in a Blender whose actions have slots, else one for each data block that moves."""
-    return {block.animation_data.action for block in (shown.parent, shown.data.shape_keys) if block.animation_data.action}
+    return {
+        block.animation_data.action for block in (shown.parent, shown.data.shape_keys) if block.animation_data.action
+    }
 
 
 def test_another_motion_takes_the_place_of_the_first(addon: ModuleType, rigs: Rigs) -> None:

@@ -155,6 +155,9 @@ def main(arguments: list[str]) -> None:
     given = arguments[arguments.index("--") + 1 :] if "--" in arguments else arguments[1:]
     try:
         film(json.loads(Path(given[0]).read_text(encoding="utf-8")))
+        say(
+            {"finished": True}
+        )  # the last act of ours: Blenders crash while they close (the module bpy 4.2 always does)
     except (FilmError, ValueError, RuntimeError) as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]  # of an operator: all its traceback
         say({"error": {"kind": "", "message": lines[-1] if lines else type(error).__name__}})
