@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-__all__ = ["DROPS_FILES", "corner_coordinates", "counts_corners", "draw_progress", "key_points"]
+__all__ = ["DROPS_FILES", "corner_coordinates", "counts_corners", "draw_progress", "key_points", "session_number"]
 
 DROPS_FILES = hasattr(bpy.types, "FileHandler")  # files dropped on a window: since 4.1
 
@@ -23,6 +23,11 @@ def corner_coordinates(layer: bpy.types.MeshUVLoopLayer) -> tuple[bpy.types.bpy_
 def key_points(key: bpy.types.ShapeKey) -> bpy.types.bpy_prop_collection:
     """Give the points of a shape key; since 3.6 they can be had without asking each for its type."""
     return key.points if hasattr(key, "points") else key.data
+
+
+def session_number(block: bpy.types.ID) -> int | None:
+    """Give what tells a data block from all others while Blender runs, whatever it is called; None before 4.1, where scripts cannot ask."""
+    return getattr(block, "session_uid", None)
 
 
 def draw_progress(layout: bpy.types.UILayout, factor: float, text: str) -> None:

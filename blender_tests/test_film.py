@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import signal
 import subprocess
 import time
 from collections.abc import Callable
@@ -150,6 +151,39 @@ def test_a_cancelled_filming_ends_its_blender_and_keeps_its_pictures(
     footage = tmp_path / "film" / "footage"
     assert 1 <= len(list(footage.glob("00*.png"))) < 9
     assert not setup.dataset
+
+
+FILMED_THEN_CRASHED = f"""
+import json, os, sys
+told = json.load(open(sys.argv[1]))
+n_images = len(told["frames"]) * len(told["cameras"]) - {{missing}}
+os.makedirs(told["root"])
+json.dump({{{{"capture": told["root"], "n_images": n_images, "n_timesteps": 1}}}}, open(told["report"], "w"))
+print(json.dumps({{{{"finished": True}}}}), flush=True)
+os.kill(os.getpid(), {int(signal.SIGSEGV)})
+"""
+
+
+@pytest.mark.parametrize("missing", [0, 1])
+def test_a_blender_that_crashes_after_its_film_is_whole_is_no_failure(
+    studio: bpy.types.Object, addon: ModuleType, missing: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    film_head = __import__(f"{addon.__name__}.making.film_head", fromlist=["WORKER"])
+    worker = tmp_path / "worker.py"
+    worker.write_text(FILMED_THEN_CRASHED.format(missing=missing))
+    monkeypatch.setattr(film_head, "WORKER", worker)
+    bpy.ops.sacha.add_cameras(count=2)
+    bpy.context.scene.frame_end = 1
+    folder = str(tmp_path / "film")
+    if missing:
+        with pytest.raises(RuntimeError, match="has 1 of 2 pictures: film it again"):
+            bpy.ops.sacha.film(directory=folder)
+        assert not bpy.context.scene.sacha_making.dataset
+        return
+    assert bpy.ops.sacha.film(directory=folder) == {"FINISHED"}
+    assert bpy.context.scene.sacha_making.dataset == folder
+    assert "All was written when the Blender that filmed crashed at its end (signal 11)" in capfd.readouterr().out
 
 
 def test_a_folder_with_other_files_is_left_alone(studio: bpy.types.Object, tmp_path: Path) -> None:

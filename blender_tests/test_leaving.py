@@ -54,6 +54,27 @@ def test_a_heat_map_has_the_colours_that_are_shown(opened: bpy.types.Object, vie
     assert Path(bpy.path.abspath(texture.image.filepath)) == tmp_path / "map.png"
 
 
+def test_a_copy_of_a_mesh_gets_a_heat_map_of_its_own(opened: bpy.types.Object, tmp_path: Path) -> None:
+    def baked(thing: bpy.types.Object, name: str) -> None:
+        bpy.context.view_layer.objects.active = thing
+        bpy.ops.sacha.bake_heat_map(filepath=str(tmp_path / name), size=16)
+
+    def worn(thing: bpy.types.Object) -> str:
+        (material,) = thing.data.materials
+        texture = next(node for node in material.node_tree.nodes if node.type == "TEX_IMAGE")
+        return Path(bpy.path.abspath(texture.image.filepath)).name
+
+    baked(opened, "first.png")
+    twin = opened.copy()
+    twin.data = opened.data.copy()
+    bpy.context.collection.objects.link(twin)
+    baked(twin, "twin.png")
+    assert (worn(opened), worn(twin)) == ("first.png", "twin.png")
+    baked(opened, "again.png")
+    assert (worn(opened), worn(twin)) == ("again.png", "twin.png")
+    assert len(bpy.data.materials) == 2
+
+
 def test_a_mesh_without_texture_coordinates_gets_some(opened: bpy.types.Object, tmp_path: Path) -> None:
     while opened.data.uv_layers:
         opened.data.uv_layers.remove(opened.data.uv_layers[0])

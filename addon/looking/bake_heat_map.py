@@ -14,6 +14,7 @@ from bpy_extras.io_utils import ExportHelper
 from .. import bridge, engine, preferences, running, sources
 from ..active import opened_by
 from ..job import Job
+from ..remembered import remember
 
 __all__ = ["CLASSES", "MATERIAL"]
 
@@ -57,7 +58,11 @@ class SachaBakeHeatMap(bpy.types.Operator, ExportHelper):
         head = opened_by(context.object)
         if head is None:
             raise ValueError("No head: open one, or select the mesh of one that is open")
-        python, target, name = preferences.engine_python(context), sources.full_path(self.filepath), head.name
+        python, target, shown = (
+            preferences.engine_python(context),
+            sources.full_path(self.filepath),
+            remember(head.data),
+        )
         size = self.size if self.properties.is_property_set("size") else context.scene.sacha_looking.texture_size
 
         def command(folder: Path) -> list[str]:
@@ -68,17 +73,17 @@ class SachaBakeHeatMap(bpy.types.Operator, ExportHelper):
 
         def finish(job: Job) -> str:
             told = json.loads((job.folder / "report.json").read_text(encoding="utf-8"))
-            baked = bpy.data.objects.get(name)
-            if baked is None or len(baked.data.polygons) != told["n_triangles"]:
+            baked = shown.require(f"nothing wears {target.name}, which is written to {target.parent}")
+            if len(baked.polygons) != told["n_triangles"]:
                 raise ValueError(
-                    f"The texture is written to {target.name}, but the mesh {name!r} has changed meanwhile"
+                    f"The texture is written to {target.name}, but the mesh {baked.name!r} has changed meanwhile"
                 )
             if told["unwrapped"]:
-                bridge.texture_coordinates(baked.data, UV_MAP, np.load(job.folder / "uv.npy", allow_pickle=False))
+                bridge.texture_coordinates(baked, UV_MAP, np.load(job.folder / "uv.npy", allow_pickle=False))
             image = bpy.data.images.load(str(target), check_existing=True)
             image.reload()
             if self.material:
-                _put_on(baked.data, image)
+                _put_on(baked, image)
             return f"Baked {size} x {size} pixels to {target.name}"
 
         return running.Work(f"Baking {target.name}", command, finish)
@@ -119,8 +124,8 @@ def _save_mesh(mesh: bpy.types.Mesh, folder: Path) -> None:
 
 def _put_on(mesh: bpy.types.Mesh, image: bpy.types.Image) -> None:
     """Give a mesh the material of its heat map, with this texture."""
-    name = f"{MATERIAL} {mesh.name}"
-    material = bpy.data.materials.get(name) or bpy.data.materials.new(name)
+    slot = _heat_map_slot(mesh)
+    material = mesh.materials[slot]
     if material.node_tree is None:
         material.use_nodes = True
     nodes = material.node_tree.nodes
@@ -128,11 +133,19 @@ def _put_on(mesh: bpy.types.Mesh, image: bpy.types.Image) -> None:
     texture.image, texture.interpolation = image, "Closest"  # borders of triangles stay hard
     surface = next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
     material.node_tree.links.new(texture.outputs["Color"], surface.inputs["Base Color"])
-    if material.name not in mesh.materials:
-        mesh.materials.append(material)
-    mesh.polygons.foreach_set(
-        "material_index", np.full(len(mesh.polygons), mesh.materials.find(material.name), np.int32)
-    )
+    mesh.polygons.foreach_set("material_index", np.full(len(mesh.polygons), slot, np.int32))
+
+
+def _heat_map_slot(mesh: bpy.types.Mesh) -> int:
+    """Give the slot with a heat map's material that no other mesh has; a copy of a mesh comes with the material of the first."""
+    slots = (slot for slot, worn in enumerate(mesh.materials) if worn is not None and worn.name.startswith(MATERIAL))
+    slot = next(slots, None)
+    if slot is None:
+        mesh.materials.append(bpy.data.materials.new(f"{MATERIAL} {mesh.name}"))
+        return len(mesh.materials) - 1
+    if mesh.materials[slot].users - mesh.materials[slot].use_fake_user > 1:
+        mesh.materials[slot] = bpy.data.materials.new(f"{MATERIAL} {mesh.name}")
+    return slot
 
 
 CLASSES = (SachaBakeHeatMap,)

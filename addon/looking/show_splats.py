@@ -9,6 +9,7 @@ import bpy
 
 from .. import engine, preferences, running, sources
 from ..job import Job
+from ..remembered import remember
 from .posed_head import chosen_head, save_vertices, source_of, splats_on
 from .splat_data import make_data, read_splats
 from .splat_nodes import add_modifier
@@ -93,7 +94,7 @@ def _chosen_splats(context: bpy.types.Context) -> bpy.types.Object | None:
 def _work(context: bpy.types.Context) -> running.Work:
     """Let the engine lay out the Gaussians of the avatar that is looked at, then make them points."""
     head, source = source_of(context)
-    python, given, name = preferences.engine_python(context), sources.head_options(context), head.name
+    python, given, laid = preferences.engine_python(context), sources.head_options(context), remember(head)
     depsgraph = context.evaluated_depsgraph_get()
 
     def command(folder: Path) -> list[str]:
@@ -102,11 +103,9 @@ def _work(context: bpy.types.Context) -> running.Work:
         return engine.command(python, "splats", source, *pose, "--out", folder / "splats", *given)
 
     def finish(job: Job) -> str:
-        carrier = bpy.data.objects.get(name)  # undo may have made another of it meanwhile
-        if carrier is None:
-            raise ValueError(f"The head {name!r} is gone")
+        carrier = laid.require("nothing to show splats on")
         arrays, told = read_splats(job.folder / "splats")
-        data, native = make_data(f"{name} splats", arrays, told)
+        data, native = make_data(f"{carrier.name} splats", arrays, told)
         splats = _put(context, carrier, data)
         settings = splats.sacha_splats
         settings.source, settings.n_faces, settings.head = str(source), told["n_faces"], carrier

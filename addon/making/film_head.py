@@ -17,6 +17,7 @@ from bpy.props import BoolProperty, StringProperty
 
 from .. import preferences, processes, running, sources
 from ..job import Job
+from ..remembered import remember
 from .heads import cameras_of, head_of
 
 __all__ = ["CLASSES"]
@@ -52,7 +53,7 @@ class SachaFilm(bpy.types.Operator):
     def work(self, context: bpy.types.Context) -> running.Work:
         """Let a second Blender film a copy of the scene, and the engine make a dataset of it."""
         settings = film_settings(self, context)
-        scene, program = context.scene.name, blender_program()
+        filmed, program = remember(context.scene), blender_program()
 
         def command(folder: Path) -> list[str]:
             copy = folder / "scene.blend"
@@ -66,10 +67,19 @@ class SachaFilm(bpy.types.Operator):
             return [*program, str(told)]
 
         def finish(job: Job) -> str:
-            told = job.report()
-            if scene in bpy.data.scenes:
-                bpy.data.scenes[scene].sacha_making.dataset = told["capture"]
-            return f"Filmed {told['n_images']:,} pictures of {told['n_timesteps']:,} timesteps to {told['capture']}"
+            told, wanted = job.report(), len(settings["frames"]) * len(settings["cameras"])
+            if told["n_images"] != wanted or not Path(told["capture"]).is_dir():
+                raise ValueError(f"{told['capture']} has {told['n_images']:,} of {wanted:,} pictures: film it again")
+            done = f"Filmed {wanted:,} pictures of {told['n_timesteps']:,} timesteps to {told['capture']}"
+            scene = filmed.find()
+            if scene is not None:
+                scene.sacha_making.dataset = told["capture"]
+            crashed = job.aftermath()
+            return (
+                f"{done}. All was written when the Blender that filmed crashed at its end ({crashed})"
+                if crashed
+                else done
+            )
 
         return running.Work(f"Filming {settings['head']}", command, finish, LONGEST_S)
 

@@ -9,6 +9,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from .. import engine, preferences, running, sources
 from ..job import Job
+from ..remembered import remember
 from . import animating, controls
 from .scene_folder import read_scene_folder
 
@@ -40,18 +41,17 @@ class SachaLoadMotion(bpy.types.Operator, ImportHelper):
     def work(self, context: bpy.types.Context) -> running.Work:
         """Let the engine say what the motion is for this head, then write its keys."""
         shown, motion = controls.head_of(context.object), sources.full_path(self.filepath)
-        name, source = shown.name, sources.full_path(shown.data.sacha.source)
+        moved, source = remember(shown), sources.full_path(shown.data.sacha.source)
         python, given = preferences.engine_python(context), controls.head_options(shown.data)
 
         def finish(job: Job) -> str:
-            if name not in bpy.data.objects:
-                raise ValueError(f"{name} is gone, so nothing moves as {motion.name} says")
+            head = moved.require(f"nothing moves as {motion.name} says")
             opened = read_scene_folder(job.folder / "scene")
             rig, animation = opened.parts["rig"], opened.parts["animation"]
-            for note in animating.animate(context, bpy.data.objects[name], animation, rig):
+            for note in animating.animate(context, head, animation, rig):
                 self.report({"WARNING"}, note)
             frames, rate = len(animation.arrays["values"]), animation.values["frame_rate"]
-            return f"{name} moves as {motion.name} says: {frames} frames at {rate:g} a second"
+            return f"{head.name} moves as {motion.name} says: {frames} frames at {rate:g} a second"
 
         return running.Work(
             f"Reading {motion.name}",

@@ -13,6 +13,7 @@ from .. import engine, preferences, running, sources
 from ..active import mesh_of
 from ..job import Job
 from ..opening.scene_folder import read_scene_folder
+from ..remembered import remember
 from . import numbers
 from .division import shown_division, write_division
 from .shown import edited, shown_by
@@ -48,7 +49,7 @@ def read_anew(
         raise ValueError(f"{complaint}; open the file anew instead")
     given = [*sources.head_options(context), *([] if compared is None else ["--compare", compared])]
     given += ["--measure", str(views)] if views else []
-    python, name = preferences.engine_python(context), mesh.name
+    python, read = preferences.engine_python(context), remember(mesh)
     own = shown_division(mesh) if mesh.sacha_steering.custom else None  # regions of the user's own stay
 
     def command(folder: Path) -> list[str]:
@@ -56,16 +57,16 @@ def read_anew(
         return engine.command(python, "scene", source, "--out", folder / "scene", *given, *scheme)
 
     def finish(job: Job) -> str:
-        if name not in bpy.data.meshes:
-            raise ValueError(f"{name} is gone: nothing to put the numbers on")
+        taken = read.require("nothing to put the numbers on")
+        numbers.require_source(taken, source)
         opened = read_scene_folder(job.folder / "scene")
-        numbers.take(bpy.data.meshes[name], opened, compared=compared)
+        numbers.take(taken, opened, compared=compared)
         for note in opened.notes:
             operator.report({"WARNING"}, note)
         if compared is None:
             return f"Read {source.name} anew: {', '.join(opened.facts)}"
         if any(view.name.upper() == CHANGE for view in opened.views):
-            bpy.data.meshes[name].sacha.view = CHANGE
+            taken.sacha.view = CHANGE
         return f"{source.name} against {compared.name}: {', '.join(opened.facts)}"
 
     title = f"Measuring {source.name}" if views else f"Reading {source.name}"

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from .. import bridge
+from .. import bridge, sources
 from . import painting
 from .shown import SORTS, edited
 
 if TYPE_CHECKING:
     from ..opening.scene_folder import Part, SceneFolder, View
 
-__all__ = ["describe", "take"]
+__all__ = ["describe", "require_source", "take"]
 
 
 def take(mesh: bpy.types.Mesh, opened: SceneFolder, source: Path | None = None, compared: Path | None = None) -> None:
@@ -42,6 +42,17 @@ def take(mesh: bpy.types.Mesh, opened: SceneFolder, source: Path | None = None, 
             f"{shown.n_faces:,}: open it as a mesh of its own"
         )
     describe(mesh, opened, Path(shown.source) if source is None else source, compared)
+
+
+def require_source(mesh: bpy.types.Mesh, source: Path) -> None:
+    """Check that a mesh still shows the file that a job has read: undo may have brought an earlier one back.
+
+    Raises:
+        ValueError: it shows another one.
+    """
+    now = sources.full_path(mesh.sacha.source)
+    if now != source:
+        raise ValueError(f"{mesh.name} shows {now.name} now, no longer {source.name}: do this again")
 
 
 def describe(mesh: bpy.types.Mesh, opened: SceneFolder, source: Path, compared: Path | None = None) -> None:

@@ -15,6 +15,7 @@ from .. import engine, preferences, problem, running, sources
 from ..active import avatar_of
 from ..job import Job
 from ..opening.scene_folder import read_scene_folder
+from ..remembered import remember
 from ..seeing import numbers
 from ..seeing.division import shown_division, write_division
 from .asking import budget_options
@@ -82,7 +83,11 @@ class SachaApplyBudget(bpy.types.Operator, ExportHelper):
         target = sources.full_path(self.filepath) if self.filepath else _free_name(origin)
         given = [origin, "-o", target, "--make-scores", *sources.head_options(context), *budget_options(context, mesh)]
         given += [] if before == origin else ["--before", before]
-        python, name, painting = preferences.engine_python(context), mesh.name, painted(avatar_of(context.object))
+        python, steered, painting = (
+            preferences.engine_python(context),
+            remember(mesh),
+            painted(avatar_of(context.object)),
+        )
 
         def command(folder: Path) -> list[str]:
             more = _carried(folder, mesh, painting)
@@ -90,9 +95,8 @@ class SachaApplyBudget(bpy.types.Operator, ExportHelper):
             return engine.command(python, "prune", *given, *more, *out)
 
         def finish(job: Job) -> str:
-            if name not in bpy.data.meshes:
-                raise ValueError(f"{target.name} is written, but {name}, which was to show it, is gone")
-            return _show(bpy.data.meshes[name], job, origin, before, target)
+            shown = steered.require(f"nothing shows {target.name}, which is written to {target.parent}")
+            return _show(shown, job, origin, before, target)
 
         return running.Work(f"Applying the budget to {origin.name}", command, finish)
 

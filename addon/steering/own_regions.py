@@ -12,6 +12,7 @@ from bpy_extras.io_utils import ExportHelper
 from .. import engine, preferences, problem, running, sources
 from ..job import Job
 from ..opening.scene_folder import read_scene_folder
+from ..remembered import remember
 from ..seeing import numbers
 from ..seeing.division import by_face_sets, by_materials, shown_division, write_division
 from .settings import list_regions, steerable
@@ -47,25 +48,23 @@ class SachaRegionsFrom(bpy.types.Operator):
         makers = {"FACE_SETS": by_face_sets, "MATERIALS": by_materials}
         division = makers[self.kind](mesh) if self.kind in makers else None
         source, given = sources.full_path(mesh.sacha.source), sources.head_options(context)
-        python, name = preferences.engine_python(context), mesh.name
+        python, divided = preferences.engine_python(context), remember(mesh)
 
         def command(folder: Path) -> list[str]:
             own = [] if division is None else ["--scheme", write_division(folder / "own.scheme.npz", division)]
             return engine.command(python, "scene", source, "--out", folder / "scene", *given, *own)
 
         def finish(job: Job) -> str:
-            if name not in bpy.data.meshes:
-                raise ValueError(f"{name} is gone: nothing to divide")
-            taken = bpy.data.meshes[name]
+            taken = divided.require("nothing to divide")
+            numbers.require_source(taken, source)
             numbers.take(taken, read_scene_folder(job.folder / "scene"))
             taken.sacha_steering.custom = division is not None
             taken.sacha_steering.outcome.clear()  # of other regions
             list_regions(taken)
-            return (
-                f"{name} has {len(taken.sacha.regions)} regions: {', '.join(row.name for row in taken.sacha.regions)}"
-            )
+            regions = [row.name for row in taken.sacha.regions]
+            return f"{taken.name} has {len(regions)} regions: {', '.join(regions)}"
 
-        return running.Work(f"Dividing {name}", command, finish)
+        return running.Work(f"Dividing {divided.name}", command, finish)
 
     invoke = running.invoke
     execute = running.execute
