@@ -15,6 +15,8 @@ import numpy as np
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.bench.codec_free import free_shots
+from sacha_core.bench.preset import Subject
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.perception.flip import flip_map
@@ -27,9 +29,10 @@ from sacha_core.raster.scene import render_avatar
 from sacha_core.rate.judging import COVERED
 from sacha_core.rate.views import Shot, protocol_shots
 
-__all__ = ["Extent", "Scene", "Scores", "judge", "make_scene"]
+__all__ = ["Extent", "Scene", "Scores", "judge", "make_scene", "scene_of"]
 
 K = TypeVar("K", bound=Hashable)
+STILL_CLOSELY = 3  # of sixteen pictures at most
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,19 @@ def make_scene(avatar: Avatar, head: HeadModel, extent: Extent) -> Scene:
     shots = protocol_shots(avatar, head, extent.frames, extent.scale)
     fewer = tuple(Shot(shot.frames, shot.cameras[:: extent.every]) for shot in shots)
     return Scene(avatar.gaussians, fewer, extent.closely)
+
+
+def scene_of(subject: Subject, extent: Extent) -> Scene:
+    """Choose poses and place cameras; splats without a head stand still, seen from all around.
+
+    Raises:
+        GeometryError: a frame of the motion makes a triangle degenerate.
+        OptionError: a bound avatar has no motion.
+    """
+    if subject.bound:
+        return make_scene(subject.avatar, subject.head, extent)
+    shots = tuple(Shot(shot.frames, shot.cameras[:: extent.every]) for shot in free_shots(subject, extent.scale))
+    return Scene(subject.avatar.gaussians, shots, STILL_CLOSELY)
 
 
 def judge(

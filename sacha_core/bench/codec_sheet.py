@@ -29,12 +29,13 @@ from sacha_core.rate.judging import COVERED
 from sacha_core.rate.views import PROTOCOL_VIEWS, ring_shots
 
 if TYPE_CHECKING:
-    from sacha_core.bench.codec_compare import Judged
+    from sacha_core.bench.codec_rows import Judged
 
 __all__ = ["draw_sheet"]
 
 KB = 1000
 GAIN = 8.0  # of errors, so that a step of an eighth of the range is full
+GOOD_DB = 38.0  # about what our second level gives
 MARGIN = 6  # pixels around the avatar
 LEVEL = "level 2"  # whose bytes the others are shown at
 FRONT = 3  # camera of the protocol that sees the face
@@ -89,7 +90,7 @@ def draw_sheet(
         and one.trial.setting.name.removeprefix("level ") in {"1", "2", "3", "4"}
         and one.scores
     ]
-    size = next((one.trial.n_bytes for one in ours if one.trial.setting.name == LEVEL), None)
+    size = next((one.trial.n_bytes for one in ours if one.trial.setting.name == LEVEL), fewest_bytes(judged))
     others = nearest(judged, size) if size is not None else []
     first = [] if captured is None else [Panel(cut(captured, look.box), "captured", ("",))]
     first.append(Panel(cut(uncompressed, look.box), "uncompressed", (f"{name}, {len(scene.gaussians):,} Gaussians",)))
@@ -108,6 +109,8 @@ def view_of(
     subject: Subject, scene: Scene, truth: Capture | None
 ) -> tuple[TriangleFrames, Camera, Float[np.ndarray, "h w 3"] | None]:
     """Give pose and camera: those of the first held-out image of a capture, or the protocol's front camera in the middle of the motion."""
+    if not subject.bound:
+        return scene.shots[0].frames, scene.shots[0].cameras[0], None
     motion = subject.avatar.motion
     assert motion is not None
     if truth is None or not truth.val:
@@ -119,6 +122,12 @@ def view_of(
     view = truth.val[len(truth.val) // 2]
     frames = triangle_frames(Poser(subject.head, motion)(min(view.timestep, len(motion) - 1)), subject.head.faces)
     return frames, view.camera, truth.image(view).astype(np.float32) / 255
+
+
+def fewest_bytes(judged: Sequence[Judged]) -> int | None:
+    """Give the bytes that all are shown at where our second level is missing: the fewest that give a good picture; None for no points."""
+    sizes = {one.trial.n_bytes: one.scores.psnr for one in judged if one.scores is not None}
+    return min((size for size, ratio in sizes.items() if ratio >= GOOD_DB), default=max(sizes, default=None))
 
 
 def nearest(judged: Sequence[Judged], n_bytes: int) -> list[Judged]:

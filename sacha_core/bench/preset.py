@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeVar
 
 from sacha_core.avatar.avatar import Avatar
+from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.flame.model import HeadModel
 from sacha_core.interchange.capture import Capture
 
@@ -24,11 +26,15 @@ class Subject:
         avatar: Gaussians and motion.
         head: what they are bound to.
         path: where from.
+        bound: whether the Gaussians belong to the head; else they stand in the world, and the head is none (`train.static.world_head`).
+        note: what a reader has to know about it; empty for nothing.
     """
 
     avatar: Avatar
     head: HeadModel
     path: Path
+    bound: bool = True
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -36,11 +42,12 @@ class Comparison:
     """Avatars to run every codec on.
 
     Args:
-        subjects: the avatars, each with a motion.
+        subjects: the avatars, each with a motion unless it is bound to no head.
         only: names of the codecs; none for all there are.
         require: names of those that must not be missing.
         sheet: where to put a picture of what each codec makes of an avatar; None for none.
         truth: a capture of the avatar's person, whose image stands beside it there; None for none.
+        frames: splats that were trained for single frames of the motion, by frame, to be coded as a sequence; of one avatar alone.
     """
 
     subjects: tuple[Subject, ...]
@@ -48,6 +55,7 @@ class Comparison:
     require: tuple[str, ...] = ()
     sheet: Path | None = None
     truth: Capture | None = None
+    frames: Mapping[int, Gaussians] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -47,7 +48,8 @@ class Options:
     """A bench, or `all`, `compare`, `page`."""
 
     paths: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="[PATH ...]")] = ()
-    """compare: the two folders or JSON files; page: the folder; codec: avatars (.sacha, model folder, .ply) to run every codec on."""
+    """compare: the two folders or JSON files; page: the folder; codec: avatars (.sacha, model folder, .ply), or any splats (.ply), to
+    run every codec on."""
 
     quick: bool = False
     """Measure less: a minute or so a bench instead of several."""
@@ -68,10 +70,14 @@ class Options:
     """codec, playback: measure on this .sacha file or model folder instead of a made avatar."""
 
     dataset: Annotated[MaybePath, tyro.conf.arg(metavar="DATASET", help_behavior_hint="")] = None
-    """train: measure on this capture instead of one filmed for it; codec: show its held-out image in --sheet."""
+    """train: measure on this capture instead of one filmed for it; codec: show its held-out image in --sheet, and judge
+    the sequence by it, too."""
+
+    frames: Annotated[MaybePath, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
+    """codec: frames of the motion fitted one by one (`sacha framewise`), to be coded as a sequence beside the avatar with its motion."""
 
     motion: FileOption = None
-    """codec: the motion that avatars without one are posed by."""
+    """codec: the motion that avatars without one are posed by; stock expressions by default."""
 
     codecs: Annotated[MaybeText, tyro.conf.arg(metavar="NAME[,NAME...]", help_behavior_hint="")] = None
     """codec: only these, such as sacha,hevc,draco."""
@@ -129,7 +135,7 @@ def check(options: Options) -> None:
         "paths": ("compare", "page", "codec"), "quick": measuring, "repeat": ("all",),
         "threads": measuring, "plot": drawn, "out": ("all", "page"),
         "avatar": ("codec", "playback", "all"), "dataset": ("train", "codec", "all"),
-        "motion": ("codec",), "codecs": ("codec",), "require": ("codec",), "sheet": ("codec",),
+        "motion": ("codec",), "codecs": ("codec",), "require": ("codec",), "sheet": ("codec",), "frames": ("codec",),
     }  # fmt: skip
     for name, who in takers.items():
         given = getattr(options, name)
@@ -138,7 +144,7 @@ def check(options: Options) -> None:
             raise OptionError(f"bench {options.what} has no use for {shown}")
     if options.threads is not None and options.threads < 1:
         raise OptionError(f"--threads is {options.threads}, expected 1 or more")
-    for name in ("motion", "codecs", "require", "sheet"):
+    for name in ("motion", "codecs", "require", "sheet", "frames"):
         if getattr(options, name) and not options.paths:
             raise OptionError(f"--{name} belongs to a comparison: name avatars after `bench codec`")
     wanted = {"compare": 2, "page": 1}.get(options.what, 0)
@@ -173,29 +179,35 @@ def preset(options: Options) -> Preset:
 
 
 def comparison_of(options: Options) -> Comparison:
-    """Open the avatars that codecs are compared on.
+    """Open what codecs are compared on.
 
     Raises:
-        SachaError: one is broken, its head is not to be found, or there is no motion for it.
+        SachaError: one is broken, its head is not to be found, or an option does not suit it.
         OSError: a file cannot be read.
     """
-    from sacha_core.bench.preset import Comparison, Subject
-    from sacha_core.cli.sources import open_avatar
+    from sacha_core.bench.preset import Comparison
+    from sacha_core.cli.codec_subjects import Sources, subjects_of
     from sacha_core.interchange.capture import read_capture
+    from sacha_core.train.framewise import read_frames
 
-    subjects = []
-    for path in options.paths:
-        is_ply = path.suffix.lower() == ".ply"
-        own = options.head if is_ply or len(options.paths) == 1 else HeadSource(masks=options.head.masks)
-        opened = open_avatar(path, own, options.motion if is_ply else None)
-        if opened.avatar.motion is None and options.motion is not None and not is_ply:
-            opened = open_avatar(path, own, options.motion)
-        if opened.avatar.motion is None:
-            raise OptionError(f"{path} has no motion to be posed by; name one with --motion FILE")
-        subjects.append(Subject(opened.avatar, opened.head, path))
+    only = () if options.codecs is None else tuple(name.strip() for name in options.codecs.split(","))
+    require_codecs((*only, *options.require))
+    trained = {} if options.frames is None else read_frames(options.frames)
     truth = None if options.dataset is None else read_capture(options.dataset)
-    only = () if options.codecs is None else tuple(options.codecs.split(","))
-    return Comparison(tuple(subjects), only, options.require, options.sheet, truth)
+    sources = Sources(options.paths, options.head, options.motion, truth is not None)
+    return Comparison(subjects_of(sources), only, options.require, options.sheet, truth, trained)
+
+
+def require_codecs(names: Iterable[str]) -> None:
+    """Check names of codecs before anything is read.
+
+    Raises:
+        OptionError: there is no codec of that name.
+    """
+    from sacha_core.evaluate.peers.registry import find_peer
+
+    for name in names:
+        find_peer(name)
 
 
 def run_one(name: str, chosen: Preset, console: Console) -> Record:
@@ -204,6 +216,7 @@ def run_one(name: str, chosen: Preset, console: Console) -> Record:
     Raises:
         SachaError: it cannot run here.
     """
+    from sacha_core.bench.codec_tables import COMPARED
     from sacha_core.bench.machine import describe
     from sacha_core.bench.reference import watched
     from sacha_core.bench.registry import load
@@ -214,7 +227,14 @@ def run_one(name: str, chosen: Preset, console: Console) -> Record:
     with watched() as reference:
         found = bench.measure(chosen, console.report)
     machine["reference"] = reference.row()
-    return Record(name, bench.TITLE, chosen.extent, round(time.perf_counter() - begun, 1), machine, found)
+    return Record(
+        name,
+        bench.TITLE if chosen.compared is None else COMPARED,
+        chosen.extent,
+        round(time.perf_counter() - begun, 1),
+        machine,
+        found,
+    )
 
 
 def tell(record: Record, console: Console) -> None:

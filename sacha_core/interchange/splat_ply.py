@@ -14,7 +14,7 @@ from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.errors import FormatError, OptionError
 from sacha_core.files import write_aside
 
-__all__ = ["read_bound_ply", "read_world_ply", "write_bound_ply", "write_world_ply"]
+__all__ = ["is_bound_ply", "read_bound_ply", "read_world_ply", "write_bound_ply", "write_world_ply"]
 
 TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
@@ -83,6 +83,20 @@ def read_world_ply(path: str | os.PathLike[str]) -> Gaussians:
     Source: Kerbl et al., 3D Gaussian Splatting, 2023 (its point_cloud.ply).
     """
     return _read(Path(path), MAX_FACES, bound=False)
+
+
+def is_bound_ply(path: str | os.PathLike[str]) -> bool:
+    """Tell whether the Gaussians of a file say which triangles they are bound to, by its header alone.
+
+    Raises:
+        FormatError: it is no PLY file.
+        OSError: it cannot be read.
+    """
+    try:
+        with Path(path).open("rb") as stream:
+            return BINDING in (_read_header(stream).dtype.names or ())
+    except FormatError as error:
+        raise FormatError(f"{path}: {error}") from error
 
 
 def write_bound_ply(path: str | os.PathLike[str], gaussians: Gaussians, sh_degree: int = 3) -> None:

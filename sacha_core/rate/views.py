@@ -23,10 +23,12 @@ from sacha_core.synthesis.acting import act
 from sacha_core.train.state import FITTED_MOTION
 
 __all__ = [
+    "ELEVATIONS_DEG",
     "MEASURED_PIXELS",
     "PROTOCOL_VIEWS",
     "Shot",
     "measuring_shots",
+    "placed",
     "protocol_shots",
     "ring_shots",
     "stock_motion",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import time
 from collections.abc import Sequence
@@ -41,7 +42,7 @@ from sacha_core.train.static import (
     world_head,
 )
 
-__all__ = ["BYTES_PER_GAUSSIAN", "FrameResult", "fit_frames", "frame_ply"]
+__all__ = ["BYTES_PER_GAUSSIAN", "FrameResult", "fit_frames", "frame_ply", "read_frames"]
 
 BYTES_PER_GAUSSIAN = 248  # 62 float32: a record of 3D Gaussian Splatting at degree 3
 RESULT, TRAINING = "result.json", "training"
@@ -125,6 +126,21 @@ def fit_frames(
 def frame_ply(out: Path, timestep: int) -> Path:
     """Give where the Gaussians of a timestep lie."""
     return out / f"frame_{timestep:04d}" / "point_cloud.ply"
+
+
+def read_frames(out: str | os.PathLike[str]) -> dict[int, Gaussians]:
+    """Give the Gaussians of every timestep that a folder holds, in the world.
+
+    Raises:
+        FormatError: it holds none, or one is damaged.
+        OSError: the folder or a file cannot be read.
+    """
+    folders = sorted(path for path in Path(out).iterdir() if re.fullmatch("frame_[0-9]{4,9}", path.name))
+    steps = [int(path.name.removeprefix("frame_")) for path in folders]
+    found = {step: frame_ply(Path(out), step) for step in steps if frame_ply(Path(out), step).is_file()}
+    if not found:
+        raise FormatError(f"{out} holds no frame_TTTT/point_cloud.ply; expected a folder of `sacha framewise`")
+    return {step: read_world_ply(path) for step, path in found.items()}
 
 
 def plain(options: TrainOptions) -> dict[str, Any]:

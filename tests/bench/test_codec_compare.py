@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sacha_core.bench.codec_compare import EQUAL_DB, compare_codecs, equal_rows, subject_names
+from sacha_core.bench.codec_compare import compare_codecs, subject_names
+from sacha_core.bench.codec_rows import EQUAL_DB, equal_rows
 from sacha_core.bench.codec_scene import Extent, judge, make_scene
 from sacha_core.bench.plot import draw
 from sacha_core.bench.preset import Comparison, Preset, Subject
@@ -109,6 +110,7 @@ def test_avatars_are_named_as_briefly_as_tells_them_apart() -> None:
     paths = ("x/one.ply", "x/two/model", "y/two/model")
     assert subject_names([subject(path) for path in paths]) == ["x-one", "x-two", "y-two"]
     assert subject_names([subject("x/one.ply")]) == ["one"]
+    assert subject_names([subject("x/frame_0026/point_cloud.ply")]) == ["frame_0026"]
 
 
 def test_a_codec_that_must_be_there_and_is_not_stops_the_run(monkeypatch) -> None:

@@ -129,6 +129,13 @@ def test_results_are_put_on_a_page(call, benches, tmp_path: Path) -> None:
         (("codec", "missing.sacha"), "missing.sacha"),
         (("codec", "--motion", "m.npz"), "--motion belongs to a comparison: name avatars after `bench codec`"),
         (("codec", "--require", "draco"), "--require belongs to a comparison"),
+        (("codec", "--frames", "out"), "--frames belongs to a comparison"),
+        (("codec", "a.ply", "--codecs", "sacha, hvec"), "there is no codec 'hvec'; expected one of sacha, "),
+        (("codec", "a.ply", "--require", "hvec"), "there is no codec 'hvec'"),
+        (("codec", "a.ply", "--frames", "missing"), "missing: no such file or directory"),
+        (("codec", "missing.ply"), "missing.ply: no such file or directory"),
+        (("codec", "."), "point_cloud.ply"),
+        (("codec", __file__), "not a .sacha file"),
         (("raster", "--sheet", "s.png"), "bench raster has no use for --sheet"),
     ],
 )

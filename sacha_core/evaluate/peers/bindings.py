@@ -25,6 +25,7 @@ NAMES = (
     "counts a triangle, xz", "packed dictionary indices, xz", "dictionary indices in two bytes, xz",
     "differences of dictionary indices, xz",
 )  # fmt: skip
+NUMBER = struct.Struct("<I")  # of Gaussians, where there are no bindings
 HEAD = struct.Struct("<BII")  # method, Gaussians, bytes of the list of occupied triangles
 
 
@@ -43,8 +44,10 @@ def encode_bindings(binding: Int[np.ndarray, " n"], ground: Ground) -> bytes:
 
     Args:
         binding: (n,) triangles.
-        ground: the head that both sides know.
+        ground: the head that both sides know; without one, how many Gaussians there are is all there is to say.
     """
+    if not ground.bound:
+        return NUMBER.pack(len(binding))
     place = ground.place[binding]
     counts = np.bincount(place, minlength=len(ground.order))
     coded = {}
@@ -66,7 +69,9 @@ def encode_bindings(binding: Int[np.ndarray, " n"], ground: Ground) -> bytes:
 
 
 def decode_bindings(data: bytes, ground: Ground) -> Int[np.ndarray, " n"]:
-    """Undo `encode_bindings`."""
+    """Undo `encode_bindings`; without a head all are bound to triangle 0."""
+    if not ground.bound:
+        return np.zeros(NUMBER.unpack(data)[0], np.int32)
     method, n, n_first = HEAD.unpack_from(data)
     first = unpack(data[HEAD.size : HEAD.size + n_first])
     second = unpack(data[HEAD.size + n_first :])

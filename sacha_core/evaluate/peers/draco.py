@@ -27,7 +27,7 @@ from sacha_core.evaluate.peers.attributes import (
     range_of,
 )
 from sacha_core.evaluate.peers.bindings import decode_bindings, encode_bindings
-from sacha_core.evaluate.peers.peer import Domain, Ground, Parts, Peer, PeerError, Setting
+from sacha_core.evaluate.peers.peer import TURNED, Domain, Ground, Parts, Peer, PeerError, Setting
 
 __all__ = ["PEERS"]
 
@@ -53,7 +53,7 @@ def settings(few: bool, sh_degree: int) -> tuple[Setting, ...]:
     """Give a sweep of bits in the order-keeping way, where rotations are best, and some points of the other ways."""
     names = tuple(BITS)[1::2] if few else tuple(BITS)
     suiting: Domain = "mixed" if sh_degree else "world"
-    title = {"world": "world", "mixed": "rotations by triangle"}
+    title = {"world": "world", "mixed": TURNED}
     some: list[tuple[str, str, Domain]] = [(name, "sequence", suiting) for name in names]
     some += [(name, "sequence", "world" if sh_degree else "mixed") for name in names[1::2]]
     some += [(name, "tree", "world") for name in names[1::2]]
@@ -86,8 +86,9 @@ def encode(splats: Gaussians, ground: Ground, setting: Setting) -> Parts:
     apart = draco(None)
     if way:
         return {"head": head, "attributes": apart, "bindings": encode_bindings(splats.binding, ground)}
-    within = draco(ground.place[splats.binding]) if ground.head.n_faces <= 1 << 16 else None
-    bindings = encode_bindings(in_order_of(read(apart), levels, splats.binding), ground)
+    within = draco(ground.place[splats.binding]) if ground.bound and ground.head.n_faces <= 1 << 16 else None
+    left = in_order_of(read(apart), levels, splats.binding) if ground.bound else splats.binding
+    bindings = encode_bindings(left, ground)
     if within is not None and len(within) <= len(apart) + len(bindings):
         return {"head": head, "attributes": within}
     return {"head": head, "attributes": apart, "bindings": bindings}

@@ -9,7 +9,7 @@ import struct
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.evaluate.peers import gpcc
@@ -22,8 +22,9 @@ from sacha_core.evaluate.peers.attributes import (
     range_bytes,
     range_of,
 )
-from sacha_core.evaluate.peers.grid import from_image, grid_of, to_image
-from sacha_core.evaluate.peers.hevc import TABLES
+from sacha_core.evaluate.peers.bindings import pack, unpack
+from sacha_core.evaluate.peers.grid import dealt, from_image, side_for, to_image, unrolled
+from sacha_core.evaluate.peers.hevc_tables import TABLES
 from sacha_core.evaluate.peers.peer import Ground, Setting
 from sacha_core.evaluate.peers.video import DEPTH, decode_video, encode_video
 
@@ -31,46 +32,59 @@ __all__ = ["decode_pictures", "encode_pictures", "through_gpcc"]
 
 PLACE_BITS = 12  # over the range of the whole sequence, without loss
 SIZE = struct.Struct("<I")
-HEAD = struct.Struct("<IHBB")  # Gaussians, side of the picture, coefficients of harmonics beyond degree 0, frames
+HEAD = struct.Struct("<HBB")  # side of the picture, coefficients of harmonics beyond degree 0, frames
 
 
 def encode_pictures(frames: Sequence[Gaussians], ground: Ground, table: str, row: int, inter: bool) -> bytes:
-    """Code sets of equally many splats in the world as videos, one for each group of attributes.
+    """Code sets of splats in the world as videos, one for each group of attributes.
 
     Args:
-        frames: one set a frame; all have their rows in the same order, which the encoder is free to choose.
+        frames: one set a frame, which may differ in number; the encoder is free to choose their order.
         ground: tells the encoder, not the decoder, where a Gaussian belongs on the head, so that it finds a good order.
-        table: of quantisations, see `hevc.TABLES`.
+        table: of quantisations, see `hevc_tables.TABLES`.
         row: of it.
         inter: whether a frame may be predicted from the one before it.
     """
     _, _, *qps = TABLES[table][row]
-    cells, side = grid_of(frames[0].binding, ground)
+    side = side_for(max(map(len, frames)))
+    laid = [dealt(places_of(frame, ground), side) for frame in frames]
+    orders = [np.argsort(cells) for cells in laid]
+    taken = np.zeros((len(frames), side * side), bool)
+    for mask, cells in zip(taken, laid, strict=True):
+        mask[cells] = True
+    masks = pack(np.packbits(taken, axis=1).tobytes())
     columns = [columns_of(frame) for frame in frames]
-    data = HEAD.pack(len(cells), side, frames[0].sh_rest.shape[1], len(frames))
-    order = np.argsort(cells)
-    data += np.packbits(np.isin(np.arange(side * side), cells)).tobytes()
+    data = HEAD.pack(side, frames[0].sh_rest.shape[1], len(frames)) + SIZE.pack(len(masks)) + masks
     for group, qp in zip(GROUPS, (None, *map(int, qps)), strict=True):
         if group not in columns[0]:
             continue
         n_bits = PLACE_BITS if qp is None else DEPTH
-        values = [one[group][order] for one in columns]
+        values = [one[group][order] for one, order in zip(columns, orders, strict=True)]
         limits = range_of(np.concatenate(values))
-        images = [to_image(quantise(value, limits, n_bits), cells[order], side).reshape(-1, side) for value in values]
+        images = [
+            to_image(quantise(value, limits, n_bits), np.flatnonzero(mask), side).reshape(-1, side)
+            for value, mask in zip(values, taken, strict=True)
+        ]
         coded = encode_video(images, qp, inter)
         data += range_bytes(limits) + SIZE.pack(len(coded)) + coded
     return data
 
 
+def places_of(frame: Gaussians, ground: Ground) -> Float[np.ndarray, "n 2"]:
+    """Give the place of each Gaussian in a plane: of its triangle on the unrolled head, or where it stands itself without one."""
+    if ground.bound:
+        return np.asarray(unrolled(ground.centroids)[frame.binding])
+    return unrolled(frame.position.astype(np.float64))
+
+
 def decode_pictures(data: bytes) -> list[Gaussians]:
     """Undo `encode_pictures`; the splats come in the order of the picture, bound to triangle 0."""
-    n, side, n_rest, n_frames = HEAD.unpack_from(data)
-    at = HEAD.size
-    n_mask = -(-side * side // 8)
-    cells: Int[np.ndarray, " n"] = np.flatnonzero(
-        np.unpackbits(np.frombuffer(data[at : at + n_mask], np.uint8), count=side * side)
-    )
-    at += n_mask
+    side, n_rest, n_frames = HEAD.unpack_from(data)
+    (n_packed,) = SIZE.unpack_from(data, HEAD.size)
+    at = HEAD.size + SIZE.size
+    bits = np.frombuffer(unpack(data[at : at + n_packed]), np.uint8).reshape(n_frames, -1)
+    at += n_packed
+    laid = [np.flatnonzero(np.unpackbits(mask, count=side * side)) for mask in bits]
     columns: list[dict[str, Float[np.ndarray, "n c"]]] = [{} for _ in range(n_frames)]
     for group, width in zip(GROUPS, (3, 1, 3, 3, 3, 3 * n_rest), strict=True):
         if not width:
@@ -82,10 +96,9 @@ def decode_pictures(data: bytes) -> list[Gaussians]:
         pictures = decode_video(data[at : at + size])
         at += size
         n_bits = PLACE_BITS if group == "position" else DEPTH
-        for one, picture in zip(columns, pictures, strict=True):
+        for one, picture, cells in zip(columns, pictures, laid, strict=True):
             one[group] = dequantise(from_image(picture.reshape(-1, side, side), cells), limits, n_bits)
-    nowhere = np.zeros(n, np.int32)
-    return [gaussians_of(one, nowhere) for one in columns]
+    return [gaussians_of(one, np.zeros(len(cells), np.int32)) for one, cells in zip(columns, laid, strict=True)]
 
 
 def through_gpcc(frames: Sequence[Gaussians], ground: Ground, rate: str) -> tuple[int, list[Gaussians]]:

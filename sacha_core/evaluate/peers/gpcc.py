@@ -24,7 +24,7 @@ from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.codec.paper_tool import TMC13, TOOL_VARIABLE
 from sacha_core.evaluate.peers import gpcc_points as points
 from sacha_core.evaluate.peers.bindings import decode_bindings, encode_bindings
-from sacha_core.evaluate.peers.peer import Domain, Ground, Parts, Peer, PeerError, Setting
+from sacha_core.evaluate.peers.peer import TURNED, Domain, Ground, Parts, Peer, PeerError, Setting
 from sacha_core.programs import find_program, run_program
 
 __all__ = ["PEERS", "PROGRAM", "VARIABLE"]
@@ -62,7 +62,7 @@ def jee_settings(few: bool, sh_degree: int) -> tuple[Setting, ...]:  # noqa: ARG
 def fitted_settings(few: bool, sh_degree: int) -> tuple[Setting, ...]:
     """Give the fitted rates with places in the world, and rotations there or, as they lie on trained avatars, by triangle."""
     rates = tuple(points.FITTED)[:: 2 if few else 1]
-    domains: dict[Domain, str] = {"world": "world", "mixed": "rotations by triangle"}
+    domains: dict[Domain, str] = {"world": "world", "mixed": TURNED}
     suiting = ("mixed" if sh_degree else "world",) if few else tuple(domains)
     return tuple(
         Setting(f"{rate}, {domains[d]}", d, {"points": rate}) for rate in rates for d in domains if d in suiting

@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 
 from sacha_core.evaluate.peers.peer import Ground
 
-__all__ = ["SIDE_OF_BLOCK", "from_image", "grid_of", "to_image"]
+__all__ = ["SIDE_OF_BLOCK", "dealt", "from_image", "grid_of", "side_for", "to_image", "unrolled"]
 
 SIDE_OF_BLOCK = 8  # sides of pictures are multiples of it, as HEVC has it
 SMALLEST = 64  # side; libx265 takes no pictures that are much smaller
@@ -29,19 +29,26 @@ def grid_of(binding: Int[np.ndarray, " n"], ground: Ground) -> tuple[Int[np.ndar
     Returns:
         Cells, row times side plus column, and the side, a multiple of `SIDE_OF_BLOCK`.
     """
-    n = len(binding)
-    side = max(-(-int(np.ceil(np.sqrt(n))) // SIDE_OF_BLOCK) * SIDE_OF_BLOCK, SMALLEST)
-    flat = unrolled(ground)[binding]
+    side = side_for(len(binding))
+    return dealt(unrolled(ground.centroids)[binding], side), side
+
+
+def side_for(n: int) -> int:
+    """Give the side of a square that has a cell for each of n Gaussians."""
+    return max(-(-int(np.ceil(np.sqrt(n))) // SIDE_OF_BLOCK) * SIDE_OF_BLOCK, SMALLEST)
+
+
+def dealt(flat: Float[np.ndarray, "n 2"], side: int) -> Int[np.ndarray, " n"]:
+    """Give each place of a plane a cell of its own in a square of at least as many, so that neighbours stay neighbours."""
     coordinates = np.full((side * side, 2), np.inf)
-    coordinates[:n] = flat
+    coordinates[: len(flat)] = flat
     cells = np.empty(side * side, np.int64)
     deal(np.arange(side * side), coordinates, cells, (0, 0, side, side), side)
-    return cells[:n], side
+    return cells[: len(flat)]
 
 
-def unrolled(ground: Ground) -> Float[np.ndarray, "f 2"]:
-    """Give the place of each triangle on the unrolled head: height, and length around it; metres."""
-    points = ground.centroids
+def unrolled(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
+    """Give the places of points on the unrolled cylinder around their middle: height, and length around it; metres."""
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     away = points - middle
     radius = float(np.median(np.hypot(away[:, 0], away[:, 2])))

@@ -26,26 +26,17 @@ from sacha_core.evaluate.peers.attributes import (
     range_of,
 )
 from sacha_core.evaluate.peers.bindings import decode_bindings, encode_bindings
+from sacha_core.evaluate.peers.frames import decode_pictures, encode_pictures
 from sacha_core.evaluate.peers.grid import from_image, grid_of, to_image
-from sacha_core.evaluate.peers.peer import Domain, Ground, Parts, Peer, Setting
+from sacha_core.evaluate.peers.hevc_tables import AWAY, TABLES, WHOLE
+from sacha_core.evaluate.peers.peer import TURNED, Domain, Ground, Parts, Peer, Setting
 from sacha_core.evaluate.peers.video import DEPTH, decode_video, encode_video, lacking
 
-__all__ = ["PEERS", "TABLES"]
+__all__ = ["PEERS"]
 
-WHOLE, AWAY = "whole", "away"
-# how places are coded, with bits or quantisation; then quantisation of opacity, scale, rotation, colour, harmonics
-TABLES = {
-    "dense": (
-        (AWAY, 9, 33, 26, 33, 32, 38), (AWAY, 4, 29, 22, 28, 29, 35), (AWAY, 1, 26, 19, 25, 26, 33), (AWAY, 0, 24, 15, 21, 22, 31),
-        (WHOLE, 11, 21, 12, 16, 19, 29), (WHOLE, 11, 17, 9, 13, 15, 26), (WHOLE, 12, 14, 6, 12, 10, 22),
-    ),
-    "trained": (
-        (AWAY, 14, 36, 27, 29, 27, 38), (AWAY, 10, 35, 24, 26, 23, 35), (AWAY, 6, 31, 20, 21, 20, 32), (AWAY, 4, 29, 17, 18, 17, 30),
-        (AWAY, 1, 25, 14, 15, 13, 28), (AWAY, 0, 22, 11, 11, 9, 25), (AWAY, 0, 18, 8, 8, 6, 22), (WHOLE, 12, 16, 6, 5, 3, 18),
-    ),
-}  # fmt: skip
 HEAD = struct.Struct("<BBB")  # how places are coded, their bits, coefficients of harmonics beyond degree 0
 SIZE = struct.Struct("<I")
+SCENE = "scene"  # the part that holds splats without a head
 
 
 def settings(few: bool, sh_degree: int) -> tuple[Setting, ...]:
@@ -58,13 +49,16 @@ def settings(few: bool, sh_degree: int) -> tuple[Setting, ...]:
     else:
         chosen += [(first, k, "world" if sh_degree else "mixed") for k in range(1, len(TABLES[first]), 2)]
         chosen += [(second, k, suiting) for k in range(1, len(TABLES[second]), 2)]
-    named = {"world": "world", "mixed": "rotations by triangle"}
+    named = {"world": "world", "mixed": TURNED}
     return tuple(Setting(f"{table} {k + 1}, {named[d]}", d, {"table": table, "row": k}) for table, k, d in chosen)
 
 
 def encode(splats: Gaussians, ground: Ground, setting: Setting) -> Parts:
-    """Lay out, quantise, code each group as one tall picture."""
-    how, fineness, *qps = TABLES[str(setting.options["table"])][int(setting.options["row"])]
+    """Lay out, quantise, code each group as one tall picture; without a head as a sequence of one frame is coded."""
+    table, row = str(setting.options["table"]), int(setting.options["row"])
+    if not ground.bound:
+        return {SCENE: encode_pictures([splats], ground, table, row, inter=False)}
+    how, fineness, *qps = TABLES[table][row]
     columns = columns_of(splats)
     if how == AWAY:
         columns["position"] = columns["position"] - ground.centroids[splats.binding]
@@ -84,6 +78,8 @@ def encode(splats: Gaussians, ground: Ground, setting: Setting) -> Parts:
 
 def decode(parts: Parts, ground: Ground) -> Gaussians:
     """Decode the pictures and take the Gaussians from their cells."""
+    if SCENE in parts:
+        return decode_pictures(parts[SCENE])[0]
     whole, n_bits, n_rest = HEAD.unpack_from(parts["head"])
     limits = np.frombuffer(parts["head"], "<f4", offset=HEAD.size).reshape(-1, 2).T.astype(np.float64)
     binding = decode_bindings(parts["bindings"], ground)

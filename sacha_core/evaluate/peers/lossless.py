@@ -12,7 +12,7 @@ from typing import Any
 
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.evaluate.peers.peer import Ground, Parts, Peer, Setting
-from sacha_core.interchange.splat_ply import read_bound_ply, write_bound_ply
+from sacha_core.interchange.splat_ply import read_bound_ply, read_world_ply, write_bound_ply, write_world_ply
 
 __all__ = ["PEERS"]
 
@@ -26,7 +26,8 @@ def encoder(squeeze: Callable[[bytes], bytes]) -> Callable[[Gaussians, Ground, S
     def encode(splats: Gaussians, ground: Ground, setting: Setting) -> Parts:  # noqa: ARG001
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "avatar.ply"
-            write_bound_ply(path, splats, splats.sh_degree)
+            write = write_bound_ply if ground.bound else write_world_ply
+            write(path, splats, splats.sh_degree)
             return {"file": squeeze(path.read_bytes())}
 
     return encode
@@ -39,7 +40,7 @@ def decoder(expand: Callable[[bytes], bytes]) -> Callable[[Parts, Ground], Gauss
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "avatar.ply"
             path.write_bytes(expand(parts["file"]))
-            return read_bound_ply(path, ground.head.n_faces)
+            return read_bound_ply(path, ground.head.n_faces) if ground.bound else read_world_ply(path)
 
     return decode
 

@@ -47,6 +47,6 @@ def count(parts: Parts) -> int:
 
 
 PEERS = (
-    Peer(NAME, "SACHA", nothing, settings, partial(encode, True), decode, count=count),
-    Peer(RULES, "SACHA without rendering", nothing, settings, partial(encode, False), decode),
+    Peer(NAME, "SACHA", nothing, settings, partial(encode, True), decode, count=count, needs_head=True),
+    Peer(RULES, "SACHA without rendering", nothing, settings, partial(encode, False), decode, needs_head=True),
 )

@@ -46,4 +46,4 @@ def decode(parts: Parts, ground: Ground) -> Gaussians:  # noqa: ARG001
     return enlarged(decode_sacha(parts["file"]).gaussians, 1 / factor)
 
 
-PEERS = (Peer("paper", "the paper's profile", nothing, settings, encode, decode),)
+PEERS = (Peer("paper", "the paper's profile", nothing, settings, encode, decode, needs_head=True),)

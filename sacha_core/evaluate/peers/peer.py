@@ -14,16 +14,20 @@ from jaxtyping import Float, Int
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
 from sacha_core.codec.encoder import VISIBLE
+from sacha_core.codec.places import curve_index
 from sacha_core.codec.template import template_of
 from sacha_core.errors import SachaError
 from sacha_core.flame.model import HeadModel
 from sacha_core.geometry import quaternion
 from sacha_core.geometry.triangle import TriangleFrames, triangle_frames
 
-__all__ = ["Domain", "Ground", "Parts", "Peer", "PeerError", "Setting", "enlarged", "visible"]
+__all__ = ["TURNED", "Domain", "Ground", "Parts", "Peer", "PeerError", "Setting", "along_curve", "enlarged", "visible"]
 
 Domain = Literal["local", "world", "mixed"]
 Parts = dict[str, bytes]
+TURNED = "rotations by triangle"  # what settings of the mixed domain are called
+INNER = 0.001  # of the points on each side, which may lie anywhere
+CURVE_CELLS = 1 << 10  # along each side of what splats without a head are sorted in
 
 
 class PeerError(SachaError):
@@ -53,10 +57,12 @@ class Ground:
     Args:
         head: the head model.
         motion: of the avatar, which an encoder may look at, and a decoder never does; None where there is none.
+        bound: whether Gaussians belong to the head's triangles; else they stand in the world, and each triangle's frame is the world's.
     """
 
     head: HeadModel
     motion: Motion | None = None
+    bound: bool = True
 
     @cached_property
     def frames(self) -> TriangleFrames:
@@ -79,9 +85,10 @@ class Ground:
         return self.frames.origin
 
     def to_domain(self, gaussians: Gaussians, domain: Domain) -> Gaussians:
-        """Carry bound Gaussians into a domain, sorted along the triangles' order, without what only training needs."""
-        sorted_ = gaussians.select(np.argsort(self.place[gaussians.binding], kind="stable"))
-        if domain == "local":
+        """Carry Gaussians into a domain, sorted along the head, or else along a curve in space, without what only training needs."""
+        along = self.place[gaussians.binding] if self.bound else along_curve(gaussians.position)
+        sorted_ = gaussians.select(np.argsort(along, kind="stable"))
+        if domain == "local" or not self.bound:
             return _with(sorted_, sorted_.position, sorted_.log_scale, sorted_.quaternion)
         binding, frames = sorted_.binding, self.frames
         scale = frames.scale[binding, None]
@@ -97,7 +104,7 @@ class Ground:
 
     def from_domain(self, splats: Gaussians, domain: Domain) -> Gaussians:
         """Carry Gaussians of a domain back to the triangles that they are bound to."""
-        if domain == "local":
+        if domain == "local" or not self.bound:
             return splats
         binding, frames = splats.binding, self.frames
         scale = frames.scale[binding, None]
@@ -128,6 +135,7 @@ class Peer:
         lossless: whether every bit comes back.
         limit_s: how long one operating point may take.
         count: bytes that describe the Gaussians, where the parts hold a motion besides; by default all.
+        needs_head: whether it takes only Gaussians that are bound to a head.
     """
 
     name: str
@@ -139,6 +147,29 @@ class Peer:
     lossless: bool = False
     limit_s: float = 300.0
     count: Callable[[Parts], int] = lambda parts: sum(map(len, parts.values()))
+    needs_head: bool = False
+
+    def settings_for(self, few: bool, sh_degree: int, bound: bool) -> tuple[Setting, ...]:
+        """Give the operating points, of those that differ only in their domain one where there is no head: then all stand in the world."""
+        offered = self.settings(few, sh_degree)
+        if bound:
+            return offered
+        world = [
+            replace(one, name=one.name.replace(TURNED, "world"), domain="world")
+            for one in offered
+            if one.domain != "local"
+        ]
+        named = {one.name: one for one in world} or {one.name: one for one in offered}
+        return tuple(named.values())
+
+
+def along_curve(position: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
+    """Give the place of each point on a Hilbert curve through the box that nearly all of them lie in."""
+    if not len(position):
+        return np.zeros(0, np.int64)
+    low, high = np.quantile(position.astype(np.float64), (INNER, 1 - INNER), axis=0)
+    share = (position - low) / max(float((high - low).max()), 1e-30)
+    return curve_index(np.clip(share * CURVE_CELLS, 0, CURVE_CELLS - 1).astype(np.int64))
 
 
 def visible(gaussians: Gaussians) -> Gaussians:

@@ -67,7 +67,7 @@ def encode(suffix: str, splats: Gaussians, ground: Ground, setting: Setting) -> 
     """Convert, and code the bindings in the order that the format leaves."""
     factor, degree = float(setting.options["factor"]), int(setting.options["degree"])
     splats = replace(splats, sh_rest=splats.sh_rest[:, : (degree + 1) ** 2 - 1])
-    order = order_after(suffix, splats, factor)
+    order = order_after(suffix, splats, factor) if ground.bound else np.arange(len(splats))
     data = converted(splats, factor, suffix)
     return {"head": HEAD.pack(factor), "file": data, "bindings": encode_bindings(splats.binding[order], ground)}
 

@@ -47,7 +47,7 @@ class Trial:
 
 
 def try_codec(
-    name: str, gaussians: Gaussians, head: HeadModel, setting: Setting, motion: Motion | None = None
+    name: str, gaussians: Gaussians, head: HeadModel, setting: Setting, motion: Motion | None = None, bound: bool = True
 ) -> Trial:
     """Encode and decode.
 
@@ -57,21 +57,22 @@ def try_codec(
         head: that they are bound to.
         setting: of the codec.
         motion: of the avatar, for encoders that look at it.
+        bound: whether the Gaussians belong to the head; else they stand in the world.
 
     Raises:
         SachaError: the codec failed, or gave back another avatar.
     """
-    peer, ground = find_peer(name), Ground(head, motion)
+    peer, ground = find_peer(name), Ground(head, motion, bound)
     given = ground.to_domain(gaussians if peer.lossless else visible(gaussians), setting.domain)
-    _ = ground.place  # known beforehand, not part of the times
+    _ = ground.place if bound else None  # known beforehand, not part of the times
     begun = time.perf_counter()
     parts = peer.encode(given, ground, setting)
     coded = time.perf_counter()
     decoded = peer.decode(parts, ground)
     done = time.perf_counter()
-    bound = ground.from_domain(decoded, setting.domain)
-    bound.validate(head.n_faces)
-    return Trial(name, setting, parts, bound, peer.count(parts), coded - begun, done - coded)
+    canonical = ground.from_domain(decoded, setting.domain)
+    canonical.validate(head.n_faces)
+    return Trial(name, setting, parts, canonical, peer.count(parts), coded - begun, done - coded)
 
 
 class Trials:
@@ -80,19 +81,19 @@ class Trials:
     Args:
         head: that all avatars are bound to.
         motion: of the avatars, for encoders that look at it.
+        bound: whether the Gaussians belong to the head; else they stand in the world.
     """
 
-    def __init__(self, head: HeadModel, motion: Motion | None = None) -> None:
-        self._head, self._motion = head, motion
+    def __init__(self, head: HeadModel, motion: Motion | None = None, bound: bool = True) -> None:
+        self._head, self._motion, self._bound = head, motion, bound
         self._pool: ProcessPoolExecutor | None = None
 
     def __call__(self, peer: Peer, gaussians: Gaussians, setting: Setting) -> Trial:
         """Run one codec at one setting; what goes wrong is told in the result."""
         self._pool = self._pool or ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
         try:
-            return self._pool.submit(try_codec, peer.name, gaussians, self._head, setting, self._motion).result(
-                peer.limit_s
-            )
+            given = (peer.name, gaussians, self._head, setting, self._motion, self._bound)
+            return self._pool.submit(try_codec, *given).result(peer.limit_s)
         except Late:
             failure = f"took more than {peer.limit_s:.0f} s"
             self.end()

@@ -8,15 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sacha_core.animation.standing import Standing
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
-from sacha_core.bench.codec_scene import Extent, judge, make_scene
+from sacha_core.bench.codec_free import free_subject
+from sacha_core.bench.codec_scene import Extent, judge, make_scene, scene_of
 from sacha_core.bench.scenes import made_avatar
 from sacha_core.errors import OptionError
 from sacha_core.evaluate.peers import frames, gpcc, splat_transform
 from sacha_core.evaluate.peers.peer import Ground, Peer, PeerError, Setting, visible
 from sacha_core.evaluate.peers.registry import PEERS, find_peer
 from sacha_core.evaluate.peers.trial import Trials, try_codec
+from sacha_core.interchange.splat_ply import read_world_ply, write_world_ply
 from sacha_core.raster.rasteriser import Rasteriser
 
 REQUIRED = os.environ.get("SACHA_REQUIRE_PEERS", "").split(",")
@@ -64,6 +67,29 @@ def test_a_codec_gives_the_avatar_back(name: str, sh_degree: int) -> None:
     assert max(one.psnr for one in scores.values()) > SOUND_DB, {k: one.psnr for k, one in scores.items()}
 
 
+@pytest.mark.parametrize("name", [name for name, peer in PEERS.items() if not peer.needs_head])
+def test_a_codec_gives_splats_without_a_head_back(name: str, tmp_path: Path) -> None:
+    """Oracle: the uncompressed splats, drawn."""
+    peer = find_peer(name)
+    need(peer)
+    for degree in (0, 1, 3):
+        offered = peer.settings_for(False, degree, bound=False)
+        assert len({setting.name for setting in offered}) == len(offered) > 0
+        assert peer.lossless or {setting.domain for setting in offered} == {"world"}
+    write_world_ply(tmp_path / "scene.ply", Standing(AVATAR.gaussians, HEAD, None)(0), 1)
+    subject = free_subject(read_world_ply(tmp_path / "scene.ply"), tmp_path / "scene.ply")
+    given = subject.avatar.gaussians if peer.lossless else visible(subject.avatar.gaussians)
+    setting = peer.settings_for(True, 1, bound=False)[-1]
+    trial = try_codec(name, subject.avatar.gaussians, subject.head, setting, bound=False)
+    assert trial.gaussians is not None
+    assert len(trial.gaussians) == len(given)
+    if peer.lossless:
+        assert sorted(map(tuple, rows_of(trial.gaussians))) == sorted(map(tuple, rows_of(given)))
+        return
+    scores = judge(scene_of(subject, Extent(1, 8, 9, 0.25)), {name: trial.gaussians}, Rasteriser(1))
+    assert scores[name].psnr > SOUND_DB
+
+
 def rows_of(gaussians: Gaussians) -> list[list[float]]:
     """Give all numbers of each Gaussian."""
     n = len(gaussians)
@@ -87,6 +113,22 @@ def test_frames_as_pictures_come_back(inter: bool) -> None:
     for one in back:
         nearest = np.abs(one.position[:, None] - world.position[None]).max(axis=2).min(axis=1)
         assert nearest.max() <= 0.51 * step
+
+
+@pytest.mark.parametrize("inter", [False, True])
+def test_frames_of_different_splats_come_back_as_pictures(inter: bool) -> None:
+    """Oracle: each frame's own splats, as far as the quantisation lets them, and as many of them."""
+    need(find_peer("hevc"))
+    ground = Ground(HEAD)
+    world = ground.to_domain(visible(AVATAR.gaussians), "world")
+    given = [world, world.select(np.arange(len(world))[::3]), world.select(np.arange(len(world) - 7)[::-1])]
+    step = np.ptp(world.position, axis=0).max() / 4095
+    for one, back in zip(
+        given, frames.decode_pictures(frames.encode_pictures(given, ground, "trained", 7, inter)), strict=True
+    ):
+        assert len(back) == len(one)
+        distance = np.abs(one.position[:, None] - back.position[None]).max(axis=2)
+        assert max(distance.min(axis=0).max(), distance.min(axis=1).max()) <= 0.51 * step
 
 
 def test_a_missing_program_is_told_with_how_to_get_it(monkeypatch, tmp_path: Path) -> None:
