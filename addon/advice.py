@@ -36,7 +36,9 @@ ADVICE = {
 }
 
 # What the command line says of its options has another name in Blender; `advice` says it.
-OF_THE_SHELL = re.compile(r"[;:] (name it with --head \w+|see sacha [\w-]+ --help)$")
+OF_THE_SHELL = re.compile(
+    r"[;:] (name it with --head \w+|--no-rendering encodes it without posing the head|see sacha [\w-]+ --help)$"
+)
 
 
 def advice(kind: str) -> str:

@@ -96,7 +96,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         SachaError: avatar, head or motion is broken, or they do not belong together.
         OSError: a file cannot be read or written.
     """
-    from sacha_core.cli.encoding import make, require_consistent
+    from sacha_core.cli.encoding import make, require_consistent, sightless
     from sacha_core.cli.inspect import byte_counts
     from sacha_core.cli.sources import open_avatar
     from sacha_core.codec import inspect
@@ -118,6 +118,8 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     found = inspect(data)
     raw = ply_bytes(avatar.gaussians)
     tell(options, found, len(avatar.gaussians), raw, console)
+    if options.no_rendering and sightless(options) is not None:
+        console.say(f"note         --no-rendering changes nothing: {sightless(options)} never looks at pictures")
     if made.psnr_db is not None:
         console.say(f"pictures     {made.psnr_db:.2f} dB from those of the uncompressed avatar")
     console.hint(f"sacha render {options.output} --frame 0 -o {options.output.with_suffix('.png')}")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from sacha_core.errors import OptionError
+from sacha_core.errors import HeadError, OptionError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sacha_core.rate.target import Reached
     from sacha_core.train.views import Target
 
-__all__ = ["Made", "make", "require_consistent"]
+__all__ = ["Made", "make", "require_consistent", "sightless"]
 
 USUAL_LEVEL = 2
 LEARNED, MOST_POWER = "learned", 16  # weights by what training learnt
@@ -58,13 +58,19 @@ def require_consistent(options: Options) -> None:
         raise OptionError(f"--level says how good the file is, and so does {given[0]}; expected one of them")
     if options.level == "archive" and options.profile == "paper":
         raise OptionError("the paper's profile has no level archive; expected --level 1, 2, 3 or 4")
-    plain = "--profile paper" if options.profile == "paper" else "--level archive" if options.level == "archive" else ""
-    plain = plain or ("--no-rendering" if options.no_rendering else "")
+    plain = sightless(options) or ("--no-rendering" if options.no_rendering else None)
     for name in (*given, fitting, "--weights" if options.weights else None):
-        if name is not None and plain:
+        if name is not None and plain is not None:
             raise OptionError(f"{name} has the encoder look at pictures, which {plain} does not; expected one of them")
     if fitting is not None and options.target_psnr is not None:
         raise OptionError(f"{fitting} with --target-psnr is not possible; expected a level or --target-size with it")
+
+
+def sightless(options: Options) -> str | None:
+    """Give the option by which a file is coded in a way that never looks at pictures; None where there is none such."""
+    return (
+        "--profile paper" if options.profile == "paper" else "--level archive" if options.level == "archive" else None
+    )
 
 
 def make(options: Options, avatar: Avatar, head: HeadModel, console: Console) -> Made:
@@ -83,10 +89,27 @@ def make(options: Options, avatar: Avatar, head: HeadModel, console: Console) ->
     elif options.no_rendering:
         made = Made(encode(avatar, options.level, head=head, embed_head=options.embed_head))
     else:
+        require_posable(avatar, head)
         made = make_by_rendering(options, avatar, head, console)
     if options.measure and made.psnr_db is None:
         return made._replace(psnr_db=measured(made.data, avatar, head))
     return made
+
+
+def require_posable(avatar: Avatar, head: HeadModel) -> None:
+    """Check that pictures of an avatar in its own motion can be drawn at all.
+
+    Raises:
+        HeadError: the motion has components or vertex offsets that the head lacks; without pictures it is coded all the same.
+    """
+    from sacha_core.flame.posing import Poser
+
+    if avatar.motion is None:
+        return
+    try:
+        Poser(head, avatar.motion)
+    except HeadError as error:
+        raise type(error)(f"{error}; --no-rendering encodes it without posing the head") from error
 
 
 def make_by_rendering(options: Options, avatar: Avatar, head: HeadModel, console: Console) -> Made:

@@ -20,7 +20,7 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.cli.common import HeadSource
 from sacha_core.cli.sources import open_avatar
 from sacha_core.cli.train import Variant
-from sacha_core.codec import decode, encode
+from sacha_core.codec import decode, encode, encode_archive
 from sacha_core.flame.head_file import load_head
 from sacha_core.flame.shelf import find_head
 from sacha_core.flame.synthetic import synthetic_head
@@ -33,6 +33,8 @@ from sacha_core.train.cuda.available import missing
 from sacha_core.train.presets import VARIANTS
 
 Call = Callable[..., object]
+
+WAYS = ((), ("--no-rendering",))
 
 
 def test_synth_makes_what_was_asked_for(synthesised) -> None:
@@ -136,6 +138,33 @@ def test_encode_measures_what_it_says(done, model: Path, tmp_path: Path) -> None
 )
 def test_contradictory_options_of_encode_are_refused(refused, model: Path, tmp_path: Path, options, said: str) -> None:
     assert said in refused("encode", model, *options, "-o", tmp_path / "a.sacha")
+
+
+@pytest.mark.parametrize("plain", ["--level archive", "--profile paper"])
+def test_no_rendering_where_nothing_is_rendered_changes_nothing_and_is_told(
+    done, model: Path, tmp_path: Path, plain: str
+) -> None:
+    files = [tmp_path / "without.sacha", tmp_path / "with.sacha"]
+    told = [
+        done("encode", model, *plain.split(), *more, "-o", file).out for file, more in zip(files, WAYS, strict=True)
+    ]
+    assert files[0].read_bytes() == files[1].read_bytes()
+    said = f"--no-rendering changes nothing: {plain} never looks at pictures"
+    assert [said in out for out in told] == [False, True]
+    assert said not in done("encode", model, "--no-rendering", "-o", files[0]).out
+
+
+def test_a_motion_that_the_head_cannot_follow_is_encoded_without_pictures_alone(
+    done, refused, model: Path, tmp_path: Path
+) -> None:
+    gaussians, motion = read_model(model)
+    head, path = find_head(read_head_reference(model)[0], None, None), tmp_path / "a.sacha"
+    wide = np.concatenate([motion.expression, np.ones((len(motion), 1), np.float32)], axis=1)
+    path.write_bytes(encode_archive(Avatar(gaussians, head.reference, replace(motion, expression=wide))))
+    said = refused("encode", path, "-o", tmp_path / "b.sacha")
+    assert f"component {motion.expression.shape[1]} is 1 at row 0; --no-rendering encodes it" in said
+    done("encode", path, "--no-rendering", "-o", tmp_path / "b.sacha")
+    assert decode(tmp_path / "b.sacha").motion.expression.shape == wide.shape
 
 
 def test_archive_gives_back_the_model_bit_for_bit(done, model: Path, tmp_path: Path) -> None:
