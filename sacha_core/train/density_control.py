@@ -31,7 +31,7 @@ def calibrate(state: TrainState, options: TrainOptions, regions: Regions, seen: 
     means: dict[str, RegionMeans] = {"plain": region_means(sensitivity, of, r)}
     visible_counts = np.zeros(r, int)
     if seen is not None:
-        visible = seen.visible(options.importance)
+        visible = seen.sums().visible(options.importance.visible_pixels)
         means["visible"] = region_means(sensitivity, of, r, visible)
         means["weighted"] = region_means(sensitivity, of, r, seen.weights[:, 0])
         visible_counts = np.bincount(of[visible], minlength=r)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from sacha_core.avatar.binding import sigmoid
 from sacha_core.density.scores.rounding import rounded
@@ -14,7 +14,7 @@ from sacha_core.density.scores.table import KNOWN_SCORES, Evidence
 from sacha_core.density.scores_file import BlendingSums
 from sacha_core.progress import Progress, Report, silent
 from sacha_core.train.engine import Engine
-from sacha_core.train.options import ImportanceOptions, TrainOptions
+from sacha_core.train.options import TrainOptions
 from sacha_core.train.state import TrainState
 from sacha_core.train.views import Target
 
@@ -43,11 +43,6 @@ class SeenWeights:
     def sums(self) -> BlendingSums:
         """Give the blending weights as a scores file keeps them."""
         return BlendingSums(self.weights[:, 0], self.weights[:, 1], self.n_views)
-
-    def visible(self, options: ImportanceOptions) -> Bool[np.ndarray, " n"]:
-        """Tell which Gaussians show."""
-        shows: np.ndarray = self.weights[:, 0] > options.visible_pixels * self.n_views
-        return shows
 
 
 def look(

@@ -289,14 +289,14 @@ class Run:
             return frozenset()
         score = importance(state, options, seen, self.rest_scale) if scores else np.zeros(len(state))
         facts = (self.head.n_faces, options.scheme)
-        before = Scores(state.gaussians(), score, *facts, sums=seen.sums())
+        before = Scores(state.gaussians(), score, *facts, sums=seen.sums()) if is_last else None
         if hidden_first:
             event, kept = remove_hidden(state, options, self.regions, seen)
             self.events.append(event)
             score = score[kept]
         if by_score:
             self.events.append(prune(state, options, self.regions, score))
-        if is_last:
+        if before is not None:
             write_scores(self.folder / SCORES, replace(before, events=tuple(self.events)))
         return CHANGED if by_score or hidden_first else frozenset()
 

@@ -215,7 +215,7 @@ def test_default_seen_is_default_without_what_never_shows(tiny, tmp_path) -> Non
     assert 0 < sum(last.removed) == sum(last.requested) < sum(last.before) == len(plain.gaussians)
     run = Run(tiny.capture, tiny.head, default, tmp_path / "default", silent)
     run.begin(resume=True, start_from=None)
-    shows = run._look(1).visible(importance)
+    shows = run._look(1).sums().visible(importance.visible_pixels)
     for name in ATTRIBUTES:
         assert np.array_equal(getattr(seen.gaussians, name), getattr(plain.gaussians, name)[shows])
     again = model_bytes(tmp_path / "seen")
