@@ -132,11 +132,25 @@ def poses(opened: Opened, options: Options) -> tuple[range, Callable[[int], Gaus
     """
     if options.vertices is None:
         standing = Standing(opened.avatar.gaussians, opened.head, opened.avatar.motion)
+        if opened.avatar.motion is None and options.frames is not None:
+            require_at_rest(options.frames)
         return chosen_frames(options.frames or "0", len(standing)), standing
     if options.frames is not None:
         raise OptionError("--frames and --vertices both say how the head is posed; expected one of them")
     frames = triangle_frames(read_vertices(options.vertices, opened.head), opened.head.faces)
     return range(1), lambda _: standing_on(opened.avatar.gaussians, frames)
+
+
+def require_at_rest(text: str) -> None:
+    """Check that no more is asked for of an avatar without a motion than the one frame that it has; a slice would hide that.
+
+    Raises:
+        OptionError: there are other frames among those that were named.
+    """
+    if any(part.isdecimal() and int(part) > place for place, part in enumerate(text.split(":")[:2])):
+        raise OptionError(
+            f"--frames {text}: the avatar has no motion, and so 1 frame, 0: the head at rest; --motion FILE puts one in"
+        )
 
 
 def chosen_frames(text: str, n_frames: int) -> range:

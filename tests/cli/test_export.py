@@ -14,7 +14,7 @@ from PIL import Image
 from plyfile import PlyData
 
 from sacha_core.avatar.binding import to_world
-from sacha_core.codec import decode
+from sacha_core.codec import decode, encode
 from sacha_core.evaluate.peers.splat_transform import lacking, transform
 from sacha_core.flame.posing import Poser
 from sacha_core.flame.synthetic import synthetic_head
@@ -25,6 +25,7 @@ from sacha_core.regions.scheme import PAPER
 from sacha_core.regions.scheme_file import write_scheme_file
 
 LOG_ERROR = 1e-5  # float32: the logarithm of a product against the sum of logarithms of about 5
+REST = ("--format", "ply", "--head", "synthetic:small")
 PLY_BYTES = 248  # 62 float32: what viewers and engines insist on, whatever the degree
 
 
@@ -71,6 +72,29 @@ def test_one_frame_is_one_file(done, sacha_file: Path, tmp_path: Path) -> None:
 def test_frames_that_are_not_there(refused, sacha_file: Path, tmp_path: Path, arguments, said: str) -> None:
     assert said in refused("export", sacha_file, *arguments, "-o", tmp_path / "a.ply")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture
+def resting(sacha_file: Path, tmp_path: Path) -> Path:
+    """Give the file without its motion."""
+    head, path = synthetic_head("small"), tmp_path / "resting.sacha"
+    path.write_bytes(encode(replace(decode(sacha_file.read_bytes(), head=head), motion=None), head=head))
+    return path
+
+
+@pytest.mark.parametrize("frames", ["0:3", "1", "1:", ":2:2"])
+def test_frames_of_an_avatar_without_motion_are_told_to_be_one(refused, resting: Path, tmp_path: Path, frames) -> None:
+    said = refused("export", resting, *REST, "--frames", frames, "-o", tmp_path / "out")
+    assert f"--frames {frames}: the avatar has no motion, and so 1 frame" in said
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("frames", ["0", ":", "0:1", "::2"])
+def test_the_one_frame_of_an_avatar_without_motion_can_be_named(done, resting: Path, tmp_path: Path, frames) -> None:
+    done("export", resting, *REST, "-o", tmp_path / "a.ply")
+    done("export", resting, *REST, "--frames", frames, "-o", tmp_path / "out")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["00000.ply"]
+    assert (tmp_path / "out" / "00000.ply").read_bytes() == (tmp_path / "a.ply").read_bytes()
 
 
 def test_gltf_takes_frames_too_and_can_be_larger(done, sacha_file: Path, tmp_path: Path) -> None:
