@@ -458,9 +458,12 @@ def test_doctor_says_where_versions_of_flame_are_not_compared(done, capture: Pat
     assert "versions" not in done("doctor", capture).out
 
 
-def test_doctor_says_what_a_folder_is_that_is_no_capture(refused, tmp_path: Path) -> None:
+def test_doctor_says_what_a_folder_is_that_is_no_capture(refused, model: Path, tmp_path: Path) -> None:
     (tmp_path / "tracked_flame_params_30.npz").touch()
     assert "VHAP's export_as_nerf_dataset.py" in refused("doctor", tmp_path)
+    said = refused("doctor", model)
+    assert "is a trained model, not a capture" in said
+    assert "sacha evaluate" in said
 
 
 def test_one_side_alone_would_squeeze(refused, capture, model, tmp_path):

@@ -21,6 +21,10 @@ def guess_folder(root: Path) -> str | None:
     named = ", ".join(str(path) for path in sequences[:MOST_NAMED]) + ", ..." * (len(sequences) > MOST_NAMED)
     guesses = (
         (
+            ("point_cloud/iteration_*/point_cloud.ply",),
+            "is a trained model, not a capture: name the one that it was trained on; sacha evaluate MODEL DATASET judges it",
+        ),
+        (
             ("tracked_flame_params*.npz", "*/tracked_flame_params*.npz"),
             f"is what VHAP's tracker writes; {export}, and name that folder",
         ),

@@ -60,11 +60,12 @@ def test_a_principal_point_far_from_the_middle(framed) -> None:
         (["transforms.json"], "no splits of it"),
         (["calibration/camera_params.json"], "raw recording of NeRSemble"),
         (["images/00000.jpg"], "without tracking"),
+        (["point_cloud/iteration_30000/point_cloud.ply", "images/00000.jpg"], "is a trained model, not a capture"),
     ],
 )
 def test_what_people_name_instead_of_a_capture(tmp_path: Path, files: list[str], named: str) -> None:
     for file in files:
-        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / file).touch()
     assert named in (guess_folder(tmp_path) or "")
 
