@@ -21,7 +21,7 @@ __all__ = ["INPUTS", "Options", "run"]
 
 MaybeWeights = Union[None, tuple[str, ...]]  # noqa: UP007 (None first: for a list tyro would load a type checker)
 
-INPUTS = ("model", "ply", "motion")
+INPUTS = ("model", "ply", "motion", "scheme")
 
 
 @dataclass(frozen=True)
@@ -66,6 +66,9 @@ class Options:
     weights: Annotated[MaybeWeights, tyro.conf.arg(metavar="REGION=FACTOR...", help_behavior_hint="")] = None
     """How many times as much an error counts in a region: mouth=4 eyes=4. Its bytes come from the others. `learned` weighs regions as
     training found them sensitive (one over their modulators), `learned=4` more so: of avatars that have it."""
+
+    scheme: FileOption = None
+    """With --weights: regions of one's own (.scheme.npz) instead of the avatar's."""
 
     tune: bool = False
     """Fit the avatar through the quantiser to its own pictures, for about a minute: the same bytes look better."""

@@ -52,6 +52,8 @@ def require_consistent(options: Options) -> None:
     fitting = "--dataset" if options.dataset is not None else "--tune" if options.tune else None
     if options.tmc3 is not None and options.profile != "paper":
         raise OptionError("--tmc3 codes the paper's profile; expected --profile paper with it")
+    if options.scheme is not None and not options.weights:
+        raise OptionError("--scheme names the regions of --weights; expected --weights REGION=FACTOR beside it")
     if len(given) > 1:
         raise OptionError("expected one of --target-size and --target-psnr, got both")
     if given and options.level != USUAL_LEVEL:
@@ -118,7 +120,8 @@ def make_by_rendering(options: Options, avatar: Avatar, head: HeadModel, console
     from sacha_core.rate.judging import Judge
     from sacha_core.rate.target import encode_to_psnr, encode_to_size, parse_size
 
-    encoder = RenderingEncoder(avatar, head, options.embed_head, factors=region_factors(options.weights, avatar, head))
+    factors = region_factors(options.weights, avatar, head, options.scheme)
+    encoder = RenderingEncoder(avatar, head, options.embed_head, factors=factors)
     if options.target_psnr is not None:
         near = encode_to_psnr(encoder, Judge(avatar, head), options.target_psnr, console.report)
         return Made(near.encoded.data, near.psnr_db, near.n_trials)
@@ -132,23 +135,34 @@ def make_by_rendering(options: Options, avatar: Avatar, head: HeadModel, console
     return Made(encoder.encode(options.level).data)
 
 
-def region_factors(weights: Sequence[str] | None, avatar: Avatar, head: HeadModel) -> Float[np.ndarray, " n"] | None:
+def region_factors(
+    weights: Sequence[str] | None, avatar: Avatar, head: HeadModel, own: Path | None = None
+) -> Float[np.ndarray, " n"] | None:
     """Give how much an error counts at each Gaussian; None where nothing was said.
+
+    Args:
+        weights: REGION=FACTOR, or `learned` with a power.
+        avatar: whose Gaussians.
+        head: that they are bound to.
+        own: a scheme file with the regions that are meant; by default those that the avatar goes by.
 
     Raises:
         OptionError: a weight is not REGION=FACTOR, or there is no such region.
-        HeadError: the head lacks masks.
+        HeadError: the head lacks masks, or the file is another head's.
+        FormatError: the file is damaged.
+        OSError: it cannot be read.
     """
     import numpy as np
 
     from sacha_core.cli.steering import parsed_weights
-    from sacha_core.regions.labels import label_triangles
+    from sacha_core.regions.partition import partition_by
     from sacha_core.regions.scheme import find_scheme
+    from sacha_core.regions.scheme_file import read_scheme_file
 
     if not weights:
         return None
-    scheme = find_scheme(avatar.scheme)
-    regions = label_triangles(head, scheme)[avatar.gaussians.binding]
+    scheme = partition_by(head, find_scheme(avatar.scheme)) if own is None else read_scheme_file(own, head)
+    regions = scheme.labels[avatar.gaussians.binding]
     by_label = np.ones(len(scheme.regions))
     said = [text for text in weights if text.partition("=")[0] != LEARNED]
     for label, factor in parsed_weights(said, scheme).items():

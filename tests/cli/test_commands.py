@@ -28,7 +28,10 @@ from sacha_core.interchange.capture import read_capture, read_head_reference
 from sacha_core.interchange.gaussian_avatars import read_flame_param, read_model
 from sacha_core.interchange.splat_ply import read_bound_ply
 from sacha_core.npz import write_npz
+from sacha_core.rate.encoding import RenderingEncoder
 from sacha_core.rate.judging import Judge
+from sacha_core.regions.partition import Partition
+from sacha_core.regions.scheme_file import write_scheme_file
 from sacha_core.train.cuda.available import missing
 from sacha_core.train.presets import VARIANTS
 
@@ -134,10 +137,25 @@ def test_encode_measures_what_it_says(done, model: Path, tmp_path: Path) -> None
         (("--target-psnr", "35", "--no-rendering"), "which --no-rendering does not"),
         (("--tune", "--profile", "paper"), "which --profile paper does not"),
         (("--dataset", "D", "--target-psnr", "35"), "--dataset with --target-psnr is not possible"),
+        (("--scheme", __file__), "expected --weights REGION=FACTOR beside it"),
     ],
 )
 def test_contradictory_options_of_encode_are_refused(refused, model: Path, tmp_path: Path, options, said: str) -> None:
     assert said in refused("encode", model, *options, "-o", tmp_path / "a.sacha")
+
+
+def test_weights_of_regions_of_ones_own(done, refused, model: Path, tmp_path: Path) -> None:
+    """Oracle: the encoder, told the factors themselves."""
+    gaussians, motion = read_model(model)
+    head = find_head(read_head_reference(model)[0], None, None)
+    labels = (np.arange(head.n_faces) % 2).astype(np.uint8)
+    own, file = tmp_path / "own.scheme.npz", tmp_path / "a.sacha"
+    write_scheme_file(own, Partition("own", ("even", "odd"), ((0, 0, 0), (255, 255, 255)), labels))
+    done("encode", model, "--weights", "odd=8", "--scheme", own, "-o", file)
+    factors = np.where(labels[gaussians.binding] == 1, 8.0, 1.0)
+    expected = RenderingEncoder(Avatar(gaussians, head.reference, motion), head, factors=factors).encode(2).data
+    assert file.read_bytes() == expected
+    assert "has no region 'mouth'" in refused("encode", model, "--weights", "mouth=8", "--scheme", own, "-o", file)
 
 
 @pytest.mark.parametrize("plain", ["--level archive", "--profile paper"])

@@ -15,7 +15,9 @@ from sacha_core.raster.scene import render_avatar
 from sacha_core.rate.encoding import RenderingEncoder
 from sacha_core.rate.views import protocol_shots
 from sacha_core.regions.labels import label_triangles
+from sacha_core.regions.partition import Partition
 from sacha_core.regions.scheme import PAPER
+from sacha_core.regions.scheme_file import write_scheme_file
 
 FACTOR = 8
 GAINED_DB = 1.0  # at least, in the region, at fewer bytes, on average: 3.6 over twelve such avatars, that differ by 2.6
@@ -84,3 +86,16 @@ def test_learned_weights_are_one_over_the_modulators(avatar, head):
 def test_what_was_not_learnt_is_no_weight(avatar, head, weight):
     with pytest.raises(OptionError, match="learned"):
         region_factors([weight], avatar, head)
+
+
+def test_regions_of_ones_own_are_weighed_where_they_are_named(avatar, head, tmp_path):
+    halves = Partition(
+        "halves", ("low", "high"), ((9, 90, 200), (250, 20, 30)), (np.arange(head.n_faces) % 2).astype(np.uint8)
+    )
+    file = tmp_path / "halves.scheme.npz"
+    write_scheme_file(file, halves)
+    found = region_factors(["high=3"], avatar, head, file)
+    np.testing.assert_array_equal(found, np.where(avatar.gaussians.binding % 2 == 1, 3, 1))
+    with pytest.raises(OptionError, match="mouth"):
+        region_factors(["mouth=3"], avatar, head, file)
+    assert region_factors([], avatar, head, file) is None
