@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,14 +34,21 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_sheet"]
 
+Pair = tuple[Panel, Panel]
+"""A picture, and its error below it."""
+
 KB = 1000
-GAIN = 8.0  # of errors, so that a step of an eighth of the range is full
+FULL_ERROR = 1 / 16  # of the range, mean of the three colours, from which on an error is drawn darkest
+RAMP = (
+    np.array([(255, 255, 255), (255, 221, 128), (240, 130, 45), (185, 30, 45), (50, 0, 35)]) / 255
+)  # of errors, evenly spaced
 GOOD_DB = 38.0  # about what our second level gives
 MARGIN = 6  # pixels around the avatar
 LEVEL = "level 2"  # whose bytes the others are shown at
 FRONT = 3  # camera of the protocol that sees the face
 STRIDE, LARGE = 2, 200  # pixels of the picture to one of the sheet, where it is that wide
 LEAST_WIDTH = 240  # of a panel
+COLUMNS = 6  # at most
 
 
 @dataclass(frozen=True)
@@ -92,17 +100,15 @@ def draw_sheet(
     ]
     size = next((one.trial.n_bytes for one in ours if one.trial.setting.name == LEVEL), fewest_bytes(judged))
     others = nearest(judged, size) if size is not None else []
-    first = [] if captured is None else [Panel(cut(captured, look.box), "captured", ("",))]
-    first.append(Panel(cut(uncompressed, look.box), "uncompressed", (f"{name}, {len(scene.gaussians):,} Gaussians",)))
-    blank = np.ones_like(cut(uncompressed, look.box))
-    rows = []
-    for shown, before in ((ours, first), (others, [])):
+    rows = [truth_panels(name, scene, look, size)]
+    for shown in (ours, others):
         pictures = [draw(one.trial.gaussians)[0] for one in shown if one.trial.gaussians is not None]
         panels = [panel_of(one, picture, look) for one, picture in zip(shown, pictures, strict=True)]
-        errors = [error_panel(picture, look) for picture in pictures]
-        if panels or before:
-            rows += [[*before, *panels], [*(Panel(blank, "", ("",)) for _ in before), *errors]]
-    write_sheet(path, rows)
+        pairs = list(zip(panels, [error_panel(picture, look.uncompressed, look) for picture in pictures], strict=True))
+        rows += balanced(pairs, COLUMNS - len(rows[0]) if shown is ours else COLUMNS)
+    if len(rows) > 1 and ours:  # the truth stands beside our levels
+        rows = [[*rows[0], *rows[1]], *rows[2:]]
+    write_sheet(path, [line for row in rows for line in zip(*row, strict=True)])
 
 
 def view_of(
@@ -152,19 +158,42 @@ def panel_of(one: Judged, picture: Float[np.ndarray, "h w 3"], look: Look) -> Pa
     ours = one.trial.peer == OURS
     title = f"{find_peer(one.trial.peer).title}{f', {one.trial.setting.name}' if ours else ''}"
     assert one.scores is not None
-    lines = (
-        f"{one.trial.n_bytes / KB:.1f} KB",
-        "" if ours else one.trial.setting.name,
-        f"here {ratio:.1f} dB{flip}",
-        f"all pictures {one.scores.psnr:.1f} dB",
+    figures = (f"{ratio:.1f} dB{flip}", f"mean of all pictures {one.scores.psnr:.1f} dB")
+    setting = () if ours else (one.trial.setting.name,)
+    return Panel(cut(picture, look.box), title, (f"{one.trial.n_bytes / KB:.1f} KB", *figures, *setting))
+
+
+def truth_panels(name: str, scene: Scene, look: Look, n_bytes: int | None) -> list[Pair]:
+    """Set what all is held against: the capture, where there is one, and the uncompressed avatar with its error against it."""
+    own = Panel(
+        cut(look.uncompressed, look.box), "uncompressed", (f"{name}, {len(scene.gaussians):,} Gaussians", "", "", "")
     )
-    return Panel(cut(picture, look.box), title, lines)
+    scale = f"white: none, darkest: {100 * FULL_ERROR:.0f} % or more"
+    told = (
+        () if n_bytes is None else (f"others: best within 1.1 x {n_bytes / KB:.1f} KB,", "or else their fewest bytes")
+    )
+    blank = Panel(np.ones_like(own.image), "", ("error", scale, *told))
+    if look.captured is None:
+        return [(own, blank)]
+    shown = Panel(cut(look.captured, look.box), "captured", ("",))
+    return [(shown, blank), (own, error_panel(look.uncompressed, look.captured, look, "error against the capture"))]
 
 
-def error_panel(picture: Float[np.ndarray, "h w 3"], look: Look) -> Panel:
-    """Set the error of a picture, enlarged, on black."""
-    error = np.clip(GAIN * np.abs(picture - look.uncompressed), 0, 1)
-    return Panel(cut(error, look.box), "", (f"error x {GAIN:.0f}",))
+def balanced(pairs: list[Pair], columns: int) -> list[list[Pair]]:
+    """Break a row into as few as hold so many columns, about equally long."""
+    n_rows = -(-len(pairs) // columns)
+    ends = [len(pairs) * row // n_rows for row in range(n_rows + 1)]
+    return [pairs[begin:end] for begin, end in pairwise(ends)]
+
+
+def error_panel(
+    picture: Float[np.ndarray, "h w 3"], truth: Float[np.ndarray, "h w 3"], look: Look, title: str = "error"
+) -> Panel:
+    """Set the error of a picture, white where there is none and darker the larger it is."""
+    share = np.clip(np.abs(picture - truth).mean(axis=2) / FULL_ERROR, 0, 1) * (len(RAMP) - 1)
+    steps = np.arange(len(RAMP))
+    heat = np.stack([np.interp(share, steps, RAMP[:, channel]) for channel in range(3)], axis=2)
+    return Panel(cut(heat.astype(np.float32), look.box), "", (title,))
 
 
 def box_of(own: Bool[np.ndarray, "h w"]) -> tuple[slice, slice]:
