@@ -86,15 +86,16 @@ def test_the_mouth_keeps_more_where_it_weighs_more_and_the_file_meets_its_size(
     avatar: bpy.types.Object, tmp_path: Path
 ) -> None:
     origin, before, vertices = avatar.data.sacha.source, regions(avatar), positions(avatar.data)
-    kept = []
+    kept, avatar.data.sacha_steering.measure = [], True
     for name, weights in (("neutral", ""), ("mouth", "mouth=2")):
         path = tmp_path / f"{name}.sacha"
-        avatar.data.sacha_steering.measure = name == "mouth"
         bpy.ops.sacha.apply_budget(filepath=str(path), target_kb=TARGET_KB, weights=weights)
         assert 0.9 * 1000 * TARGET_KB < path.stat().st_size <= 1000 * TARGET_KB
         assert (avatar.data.sacha.source, avatar.data.sacha_steering.origin) == (str(path), origin)
         consistent(avatar)
         kept.append(regions(avatar))
+        rows = avatar.data.sacha_steering.outcome
+        assert all(row.known_before == (name == "mouth") and row.known_after for row in rows if row.after)
         if name == "neutral":
             spent = [row.n_bytes for row in avatar.data.sacha.regions]
             assert 0 < sum(spent) < path.stat().st_size
@@ -104,7 +105,6 @@ def test_the_mouth_keeps_more_where_it_weighs_more_and_the_file_meets_its_size(
     table = avatar.data.sacha.regions
     assert {row.name: row.before for row in table} == kept[0]
     assert [row.before_bytes for row in table] == spent
-    assert all(row.known_before and row.known_after for row in rows if row.after)
     assert rows["mouth"].psnr_after_db > rows["mouth"].psnr_before_db
     assert np.array_equal(positions(avatar.data), vertices)
     assert avatar.data.sacha.view == "REGION"
@@ -284,3 +284,14 @@ def test_the_panels_draw_what_is_asked_and_what_came_of_it(
     shown = texts(drawn_by(outcome))
     bytes_told = f"Bytes: was {asked.bytes_before:,}, is {asked.bytes_after:,}"
     assert {"mouth", f"{asked.outcome['mouth'].after:,}", bytes_told} <= set(shown)
+    assert "dB was" not in shown
+    for row in asked.outcome:
+        row.known_after, row.psnr_after_db = row.after > 0, 40.0
+    shown, known = texts(drawn_by(outcome)), sum(row.known_after for row in asked.outcome)
+    assert 0 < known == shown.count("same")  # what was is what decibels are told against
+    assert "dB was" in shown
+    assert "against the avatar as it was opened" in " ".join(shown)
+    for row in asked.outcome:
+        row.known_before, row.psnr_before_db = row.known_after, 12.345
+    shown = texts(drawn_by(outcome))
+    assert (shown.count("same"), shown.count("12.3")) == (0, known)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..active import avatar_of, mesh_of
+from ..telling.lines import draw_sentence
 
 __all__ = ["CLASSES"]
 
@@ -133,13 +134,20 @@ class SachaOutcomePanel(bpy.types.Panel):
         asked = mesh_of(context).sacha_steering
         rows = list(asked.outcome)
         columns = [["Was", *(f"{row.before:,}" for row in rows)], ["Is", *(f"{row.after:,}" for row in rows)]]
-        if any(row.known_before for row in rows):
-            columns.append(["dB was", *(_decibels(row.psnr_before_db, row.known_before) for row in rows)])
-        if any(row.known_after for row in rows):
+        measured = any(row.known_after for row in rows)
+        opened = measured and not any(row.known_before for row in rows)  # what was is what decibels are told against
+        if measured:
+            was = [
+                "same" if opened and row.known_after else _decibels(row.psnr_before_db, row.known_before)
+                for row in rows
+            ]
+            columns.append(["dB was", *was])
             columns.append(["dB is", *(_decibels(row.psnr_after_db, row.known_after) for row in rows)])
         _draw_columns(self.layout, ["Region", *(row.name for row in rows)], columns)
         before = f"{asked.bytes_before:,}" if asked.bytes_before else "-"
         self.layout.label(text=f"Bytes: was {before}, is {asked.bytes_after:,}")
+        if opened:
+            draw_sentence(self.layout, context, "Decibels are against the avatar as it was opened", icon="INFO")
 
 
 def _decibels(value: float, known: bool) -> str:
