@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from conftest import ENGINE, Material, positions
-from mathutils import Vector
+from mathutils import Color, Vector
+from test_panels import drawn_by, texts
 
 COMMAND_LIMIT_S = 120
 PIXEL_ERROR = (
@@ -127,6 +128,28 @@ def test_pictures_are_the_engines_and_stay_in_the_blend(
     assert picture.shape == (75, 100, 3)
     assert 0.05 < (truth != 255).any(axis=2).mean() < 0.95
     assert np.array_equal((picture != truth).any(axis=2), error.any(axis=2))
+
+
+@pytest.mark.parametrize("kind", ["DIFFERENCE", "FLIP"])
+def test_colours_of_an_error_are_explained_and_it_goes_with_its_picture(
+    opened: bpy.types.Object, camera: bpy.types.Object, kind: str
+) -> None:
+    """Oracle: the colours that are there, and the scale that was asked for."""
+    chosen = bpy.context.scene.sacha_looking
+    chosen.level, chosen.error, chosen.brightest, chosen.brightest_flip = "1", kind, 0.05, 0.05
+    bpy.ops.sacha.render_preview()
+    shown = texts(drawn_by(bpy.types.SACHA_PT_preview))
+    assert [line.name for line in chosen.legend] == ["0", "0.01", "0.02", "0.03", "0.04", "0.05 and more"]
+    assert [name for name in shown if name in chosen.legend] == chosen.legend.keys()
+    colours = np.array([Color(line.kept).from_scene_linear_to_srgb() for line in chosen.legend])
+    error = pixels("SACHA Error").reshape(-1, 3)
+    assert (error == np.rint(255 * colours[0])).all(axis=1).any()  # beside the avatar
+    assert (error == np.rint(255 * colours[-1])).all(axis=1).any()  # the material's level 1 is far off
+    chosen.error = "NONE"
+    bpy.ops.sacha.render_preview()
+    assert "SACHA Error" not in bpy.data.images
+    assert not len(chosen.legend)
+    assert "SACHA Error" not in texts(drawn_by(bpy.types.SACHA_PT_preview))
 
 
 def test_the_scenes_settings_count_where_none_are_given_and_no_second_image_is_made(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import bpy
 
+from ..seeing.legend import draw_legend
 from ..telling.lines import draw_sentence
 from . import pictures
 from .posed_head import chosen_head, splats_on
@@ -88,7 +89,7 @@ class SachaPreviewPanel(bpy.types.Panel):
         column.prop(chosen, "against", text="")
         layout.prop(chosen, "error")
         if chosen.error != "NONE":
-            layout.prop(chosen, "brightest")
+            layout.prop(chosen, "brightest_flip" if chosen.error == "FLIP" else "brightest")
             if chosen.level == "FILE" and not chosen.against:
                 draw_sentence(layout, context, "For an error choose a level, or an avatar to compare with", icon="INFO")
         if context.scene.camera is None:
@@ -101,6 +102,8 @@ class SachaPreviewPanel(bpy.types.Panel):
             if image is not None:
                 layout.label(text=name)
                 layout.template_icon(icon_value=layout.icon(image), scale=SIZE)
+        if len(chosen.legend):
+            draw_legend(layout.column(align=True), chosen.legend)
 
 
 CLASSES = (SachaLookPanel, SachaPreviewPanel)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import bpy
 
-__all__ = ["ERROR", "PREVIEW", "TRUTH", "picture", "show", "take"]
+__all__ = ["ERROR", "PREVIEW", "TRUTH", "picture", "remove", "show", "take"]
 
 PREVIEW, TRUTH, ERROR = "SACHA Preview", "SACHA Uncompressed", "SACHA Error"
 OURS = (PREVIEW, TRUTH, ERROR)
@@ -35,6 +35,13 @@ def take(name: str, path: Path) -> bpy.types.Image:
     image.name, image.use_fake_user = name, True  # kept though nothing but the sidebar shows it
     image.filepath_raw = f"//{name}.png"  # the engine's file is about to go; the picture is packed
     return image
+
+
+def remove(name: str) -> None:
+    """Remove one of our images, where it is there."""
+    image = picture(name)
+    if image is not None:
+        bpy.data.images.remove(image)
 
 
 def show(context: bpy.types.Context, image: bpy.types.Image) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import bpy
 from bpy.props import EnumProperty, StringProperty
+from mathutils import Color
 
 from .. import engine, preferences, running, sources
 from ..job import Job
@@ -100,7 +101,8 @@ class SachaRenderPreview(bpy.types.Operator):
             return options
         options += ["--truth", "truth.png"]
         if error != "NONE":
-            options += ["--error", "error.png", "--error-kind", error.lower(), "--brightest", f"{chosen.brightest:.6g}"]
+            brightest = chosen.brightest_flip if error == "FLIP" else chosen.brightest
+            options += ["--error", "error.png", "--error-kind", error.lower(), "--brightest", f"{brightest:.6g}"]
         return options
 
 
@@ -116,9 +118,21 @@ def _take_over(context: bpy.types.Context, folder: Path) -> str:
     for name, file in ((pictures.TRUTH, "truth.png"), (pictures.ERROR, "error.png"), (pictures.PREVIEW, "preview.png")):
         if (folder / file).exists():
             image = pictures.take(name, folder / file)
+        else:  # an error of an earlier picture would be taken for one of this
+            pictures.remove(name)
     pictures.show(context, image)
     context.scene.sacha_looking.told = measured = _measured(told)
+    _explain(context.scene.sacha_looking.legend, told.get("legend", []))
     return f"Drew {told['width']} x {told['height']} pixels, {told['n_gaussians']:,} Gaussians. {measured}".strip()
+
+
+def _explain(legend: bpy.types.bpy_prop_collection, told: list[dict[str, Any]]) -> None:
+    """Keep what the colours of a picture of an error mean."""
+    legend.clear()
+    for number, entry in enumerate(told, start=1):
+        line = legend.add()
+        line.name = f"{entry['error']:.3g}" + " and more" * (number == len(told))
+        line.kept = Color([byte / 255 for byte in entry["colour"]]).from_srgb_to_scene_linear()
 
 
 def _measured(told: dict[str, Any]) -> str:

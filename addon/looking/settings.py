@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import CollectionProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+
+from ..seeing.shown import SachaLegendLine
 
 __all__ = ["CLASSES", "ERRORS", "LEVELS", "attach", "detach"]
 
@@ -33,8 +35,15 @@ class SachaLooking(bpy.types.PropertyGroup):
     )
     brightest: FloatProperty(
         name="Brightest At",
-        description="The error that is painted brightest; 1 is the difference between black and white",
+        description="The difference that is painted brightest; 1 is that between black and white",
         default=0.1,
+        min=0.001,
+        max=1.0,
+    )
+    brightest_flip: FloatProperty(
+        name="Brightest At",
+        description="The visible error (FLIP) that is painted brightest; 1 is black for white",
+        default=0.4,
         min=0.001,
         max=1.0,
     )
@@ -47,6 +56,9 @@ class SachaLooking(bpy.types.PropertyGroup):
         name="Texture Size", description="Width and height of a heat map, pixels", default=2048, min=16, max=16384
     )
     told: StringProperty(name="Last Preview", description="What the last preview measured")
+    legend: CollectionProperty(
+        type=SachaLegendLine, description="What the colours of the last picture of an error mean"
+    )
 
 
 CLASSES = (SachaLooking,)

@@ -7,12 +7,11 @@ import bpy
 
 from ..telling.lines import draw_sentence
 from . import painting
+from .legend import draw_legend, draw_line
 from .shown import edited, shown_by
 from .table import draw_table
 
 __all__ = ["CLASSES"]
-
-SWATCH = 0.12  # part of a legend line's width
 
 
 class SachaShownPanel(bpy.types.Panel):
@@ -88,22 +87,9 @@ def _draw_view(layout: bpy.types.UILayout, shown: bpy.types.PropertyGroup) -> No
     column = layout.column(align=True)
     if has_both and shown.by == "REGION":
         for region, number in zip(shown.regions, view.by_region, strict=False):
-            _legend_row(column, number, region.name, f"{number.name} {view.unit}".strip())
+            draw_line(column, number, region.name, f"{number.name} {view.unit}".strip())
         return
-    for line in view.legend:
-        _legend_row(column, line, f"{line.name} {view.unit}".strip())
-
-
-def _legend_row(column: bpy.types.UILayout, line: bpy.types.PropertyGroup, label: str, number: str = "") -> None:
-    """Draw one line of a legend: its colour, its name, its number."""
-    split = column.split(factor=SWATCH)
-    split.prop(line, "colour", text="")
-    rest = split.row()
-    rest.label(text=label)
-    if number:
-        cell = rest.row()
-        cell.alignment = "RIGHT"
-        cell.label(text=number)
+    draw_legend(column, view.legend, view.unit)
 
 
 CLASSES = (SachaShownPanel, SachaRegionsPanel)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import tyro
 
-from sacha_core.cli.common import FileOption, HeadSource, MaybeInt, MaybePath
+from sacha_core.cli.common import FileOption, HeadSource, MaybeFloat, MaybeInt, MaybePath
 from sacha_core.errors import OptionError
 
 if TYPE_CHECKING:
@@ -57,7 +57,9 @@ class CompareOptions:
     error_kind: Literal["difference", "flip"] = "difference"
     """difference: of the channel that differs most; flip: how visible it is when one flips between both, which takes flip-evaluator."""
 
-    brightest: Annotated[float, tyro.conf.arg(metavar="ERROR")] = 0.1
+    brightest: Annotated[
+        MaybeFloat, tyro.conf.arg(metavar="ERROR", help_behavior_hint="(default: 0.1; of flip 0.4)")
+    ] = None
     """Error that is painted brightest, of 1."""
 
 
@@ -89,7 +91,7 @@ def require_consistent(options: CompareOptions) -> None:
         for name in ("truth", "error"):
             if getattr(options, name) is not None:
                 raise OptionError(f"--{name} needs something to compare with; expected --level or --against AVATAR")
-    if not (0 < options.brightest < math.inf):
+    if options.brightest is not None and not (0 < options.brightest < math.inf):
         raise OptionError(f"--brightest is {options.brightest:g}, expected more than 0")
     lacking = missing() if options.error_kind == "flip" else None
     if lacking:
@@ -181,30 +183,32 @@ def write_compared(view: View, truth: View, options: CompareOptions, console: Co
 
     Returns:
         What the report says of it: PSNR over all pixels and over those that either avatar covers, decibels, null where both are the same;
-        the largest error; SSIM; and the files.
+        the largest error; SSIM; the files; and of a picture of the error what its colours mean.
     """
     import numpy as np
 
-    from sacha_core.perception.difference import covered_psnr, error_colours, pixel_error
+    from sacha_core.perception.difference import BRIGHTEST, covered_psnr, error_colours, error_legend, pixel_error
     from sacha_core.perception.flip import flip_map
     from sacha_core.perception.psnr import psnr
     from sacha_core.perception.ssim import ssim
 
     error = pixel_error(view.image, truth.image)
-    told = {
+    brightest = BRIGHTEST[options.error_kind] if options.brightest is None else options.brightest
+    told: dict[str, Any] = {
         "psnr_db": psnr(view.image, truth.image),
         "own_psnr_db": covered_psnr(view.image, truth.image, view.covered | truth.covered),
         "ssim": ssim(view.image, truth.image),
         "largest_error": float(error.max()),
         "error_kind": options.error_kind,
-        "brightest": options.brightest,
+        "brightest": brightest,
         "identical": not error.any(),
     }
     if options.error is not None:
         painted = flip_map(view.image, truth.image) if options.error_kind == "flip" else error
         told["mean_error"] = float(np.mean(painted))
-        write_image(options.error, error_colours(painted, options.brightest))
-        console.wrote("error", options.error, f"{options.error_kind}, brightest at {options.brightest:g}")
+        told["legend"] = [{"error": value, "colour": colour} for value, colour in error_legend(brightest)]
+        write_image(options.error, error_colours(painted, brightest))
+        console.wrote("error", options.error, f"{options.error_kind}, brightest at {brightest:g}")
     if options.truth is not None:
         write_image(options.truth, truth.image)
         console.wrote("truth", options.truth)

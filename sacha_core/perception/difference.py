@@ -7,7 +7,11 @@ from jaxtyping import Bool, Float, UInt8
 
 from sacha_core.perception.psnr import Image, unit_range
 
-__all__ = ["covered_psnr", "error_colours", "pixel_error"]
+__all__ = ["BRIGHTEST", "covered_psnr", "error_colours", "error_legend", "pixel_error"]
+
+# What is painted brightest where nobody says: at some 40 dB a kind's median is dark but seen, and fewer than one pixel in two hundred of
+# the avatar is as bright as it gets. FLIP calls visible what differs by far less than a tenth of full scale, hence a scale of its own.
+BRIGHTEST = {"difference": 0.1, "flip": 0.4}
 
 # Black for no error, then lighter and lighter over violet and orange to a pale yellow: the order is in the lightness alone, which
 # people who tell few hues apart see as well, and so does a printer; sRGB.
@@ -39,6 +43,15 @@ def error_colours(error: Float[np.ndarray, "h w"], brightest: float) -> UInt8[np
     stops = np.arange(len(STOPS))
     painted = np.stack([np.interp(place, stops, [stop[channel] for stop in STOPS]) for channel in range(3)], axis=-1)
     return np.rint(painted).astype(np.uint8)
+
+
+def error_legend(brightest: float) -> list[tuple[float, tuple[int, int, int]]]:
+    """Give errors, from none to `brightest`, each with its colour (sRGB bytes) in a painted picture.
+
+    Args:
+        brightest: above 0, in the unit of the errors.
+    """
+    return [(brightest * place / (len(STOPS) - 1), colour) for place, colour in enumerate(STOPS)]
 
 
 def covered_psnr(image: Image, truth: Image, covered: Bool[np.ndarray, "h w"]) -> float:

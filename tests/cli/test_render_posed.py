@@ -17,6 +17,8 @@ from sacha_core.perception.psnr import psnr
 from sacha_core.raster.camera import Camera
 
 ROUNDING = 1  # of 255: the rasteriser adds up the same numbers in another order where a crop begins elsewhere
+SEEN = 32  # of 255: lighter than black on any screen
+BRIGHT_PART = 0.005  # of the avatar's pixels: more would be told apart no longer
 
 
 def image(path: Path) -> np.ndarray:
@@ -132,6 +134,22 @@ def test_flip_paints_what_is_visible(model: Path, sacha_file: Path, done, tmp_pa
     assert report["error_kind"] == "flip"
     assert 0 < report["mean_error"] < 1
     assert image(error).any()
+    assert report["legend"][-1]["error"] == report["brightest"] == 1
+
+
+@pytest.mark.parametrize("kind", ["difference", "flip"])
+def test_an_error_of_forty_decibels_is_seen_and_not_all_of_it_brightest(
+    model: Path, done, tmp_path: Path, kind: str
+) -> None:
+    if kind == "flip":
+        pytest.importorskip("flip_evaluator", reason="FLIP is an extra: judge")
+    error, truth = tmp_path / "e.png", tmp_path / "t.png"
+    options = ("-o", tmp_path / "a.png", "--truth", truth, "--error", error, "--error-kind", kind, "--level", 4)
+    report = done("render", model, "--width", 120, "--height", 160, *options).report
+    assert 39 < report["own_psnr_db"] < 42
+    painted = image(error)[(image(truth) != 255).any(axis=2)]
+    assert np.median(painted.max(axis=1)) > SEEN
+    assert (painted == report["legend"][-1]["colour"]).all(axis=1).mean() < BRIGHT_PART
 
 
 REFUSED = {

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from sacha_core.perception.difference import covered_psnr, error_colours, pixel_error
+from sacha_core.perception.difference import covered_psnr, error_colours, error_legend, pixel_error
 from sacha_core.perception.psnr import psnr
 
 RNG = np.random.default_rng(5)
@@ -35,6 +35,12 @@ def test_more_error_is_always_lighter_and_none_is_black() -> None:
     assert (np.diff(light) > 0).all()
     assert light[-1] > 0.9
     assert (error_colours(np.array([[0.1, 0.2, 5.0]], np.float32), 0.1) == painted[-1]).all()
+
+
+def test_the_legend_has_the_colours_that_are_painted() -> None:
+    values, colours = zip(*error_legend(0.4), strict=True)
+    assert (values[0], values[-1]) == (0, 0.4)
+    assert np.array_equal(error_colours(np.array([values], np.float32), 0.4)[0], colours)
 
 
 def test_an_empty_background_makes_nothing_better() -> None:
