@@ -181,9 +181,9 @@ def truth_panels(name: str, scene: Scene, look: Look, n_bytes: int | None) -> li
 
 def balanced(pairs: list[Pair], columns: int) -> list[list[Pair]]:
     """Break a row into as few as hold so many columns, about equally long."""
-    n_rows = -(-len(pairs) // columns)
+    n_rows = max(-(-len(pairs) // columns), 1)
     ends = [len(pairs) * row // n_rows for row in range(n_rows + 1)]
-    return [pairs[begin:end] for begin, end in pairwise(ends)]
+    return [pairs[begin:end] for begin, end in pairwise(ends) if begin < end]
 
 
 def error_panel(

@@ -38,7 +38,11 @@ class Options:
 
     sacha bench page out/bench                   put the results into the performance page
 
-    sacha bench codec a.ply b.sacha --head rig.npz --motion m.npz --plot rd.png --sheet look.png     our codec beside others
+    sacha bench codec a.sacha --quick --plot rd.png --sheet look.png      every codec on an avatar, in some ten minutes
+
+    sacha bench codec a.ply b.sacha --head rig.npz --motion m.npz --json rd.json      by 192 pictures each: half an hour an avatar
+
+    sacha bench codec scene.ply --codecs spz,sog,hevc      splats that no head carries; with --head, ours too
 
     Benches: raster, posing, playback, codec, motion, train, stability, skips, cuda. Candidates are timed turn by turn in one process
     after a warm-up; times are medians.
@@ -48,8 +52,7 @@ class Options:
     """A bench, or `all`, `compare`, `page`."""
 
     paths: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="[PATH ...]")] = ()
-    """compare: the two folders or JSON files; page: the folder; codec: avatars (.sacha, model folder, .ply), or any splats (.ply), to
-    run every codec on."""
+    """compare: two folders or JSON files; page: the folder; codec: avatars (.sacha, model folder, .ply) or any splats (.ply)."""
 
     quick: bool = False
     """Measure less: a minute or so a bench instead of several."""
@@ -70,11 +73,10 @@ class Options:
     """codec, playback: measure on this .sacha file or model folder instead of a made avatar."""
 
     dataset: Annotated[MaybePath, tyro.conf.arg(metavar="DATASET", help_behavior_hint="")] = None
-    """train: measure on this capture instead of one filmed for it; codec: show its held-out image in --sheet, and judge
-    the sequence by it, too."""
+    """train: measure on this capture instead of one filmed for it; codec: its held-out cameras judge sequence and sheet."""
 
     frames: Annotated[MaybePath, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
-    """codec: frames of the motion fitted one by one (`sacha framewise`), to be coded as a sequence beside the avatar with its motion."""
+    """codec: frames of the motion fitted one by one (`sacha framewise`), coded as a sequence beside the avatar with its motion."""
 
     motion: FileOption = None
     """codec: the motion that avatars without one are posed by; stock expressions by default."""
@@ -150,8 +152,10 @@ def check(options: Options) -> None:
     wanted = {"compare": 2, "page": 1}.get(options.what, 0)
     if options.what != "codec" and len(options.paths) != wanted:
         raise OptionError(f"bench {options.what} takes {wanted} folder{'s' * (wanted > 1)}, not {len(options.paths)}")
-    if options.plot is not None and options.plot.is_dir():
-        raise OptionError(f"--plot {options.plot} is a folder; expected the name of a file")
+    for name in ("plot", "sheet"):
+        path = getattr(options, name)
+        if path is not None and path.is_dir():
+            raise OptionError(f"--{name} {path} is a folder; expected the name of a file")
 
 
 def preset(options: Options) -> Preset:
@@ -190,7 +194,9 @@ def comparison_of(options: Options) -> Comparison:
     from sacha_core.interchange.capture import read_capture
     from sacha_core.train.framewise import read_frames
 
-    only = () if options.codecs is None else tuple(name.strip() for name in options.codecs.split(","))
+    only = () if options.codecs is None else tuple(name.strip() for name in options.codecs.split(",") if name.strip())
+    if options.codecs is not None and not only:
+        raise OptionError(f"--codecs {options.codecs!r} names none; expected names such as sacha,hevc,draco")
     require_codecs((*only, *options.require))
     trained = {} if options.frames is None else read_frames(options.frames)
     truth = None if options.dataset is None else read_capture(options.dataset)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from sacha_core.animation.standing import Standing
 from sacha_core.bench.codec_compare import compare_codecs
@@ -71,6 +72,17 @@ def test_what_takes_splats_is_measured_and_what_needs_a_head_says_so() -> None:
     best = {row["codec"]: row["psnr"] for row in points if row.get("psnr")}
     assert all(psnr > 35 for psnr in best.values()), best
     assert {row["avatar"] for row in points} == {"scene"}
+
+
+def test_a_sheet_is_drawn_without_ours_and_without_any_picture_to_show(tmp_path: Path) -> None:
+    """Oracle: more codecs make a taller picture, and lossless ones have nothing to show."""
+    heights = []
+    for number, names in enumerate((("ply",), ("ply", "draco"))):
+        sheet = tmp_path / f"{number}.png"
+        compare_codecs(Comparison((free_subject(SCENE, PATH),), names, sheet=sheet), Preset("tiny", threads=1), silent)
+        with Image.open(sheet) as picture:
+            heights.append(picture.height)
+    assert (heights[0] < heights[1]) == (PEERS["draco"].lacking() is None)
 
 
 def test_nothing_but_codecs_for_avatars_is_refused_at_once() -> None:

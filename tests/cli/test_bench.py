@@ -131,6 +131,8 @@ def test_results_are_put_on_a_page(call, benches, tmp_path: Path) -> None:
         (("codec", "--require", "draco"), "--require belongs to a comparison"),
         (("codec", "--frames", "out"), "--frames belongs to a comparison"),
         (("codec", "a.ply", "--codecs", "sacha, hvec"), "there is no codec 'hvec'; expected one of sacha, "),
+        (("codec", "a.ply", "--codecs", " ,"), "--codecs ' ,' names none; expected names such as sacha,hevc,draco"),
+        (("codec", "a.ply", "--sheet", "."), "--sheet . is a folder; expected the name of a file"),
         (("codec", "a.ply", "--require", "hvec"), "there is no codec 'hvec'"),
         (("codec", "a.ply", "--frames", "missing"), "missing: no such file or directory"),
         (("codec", "missing.ply"), "missing.ply: no such file or directory"),
