@@ -15,7 +15,7 @@ from sacha_core.parallel.buffers import Buffers
 from sacha_core.parallel.kernels.lanes import LANES
 from sacha_core.perception.kernels.differences import strip_spans
 from sacha_core.perception.kernels.entropy import LOWEST, entropy_band
-from sacha_core.perception.kernels.structural import STRIP, compare_strip, strip_space
+from sacha_core.perception.kernels.structural import STRIP, STRIP_SPACE, compare_strip
 
 __all__ = ["ImageLoss", "ImageLosses"]
 
@@ -121,7 +121,7 @@ class ImageLoss:
             channel, strip = divmod(job, strips)
             at = channel * height * width
             if channel < colours:
-                space = self._buffers.space(f"strip {worker}", strip_space(height), np.float32)
+                space = self._buffers.space(f"strip {worker}", STRIP_SPACE, np.float32)
                 spans = self._buffers.space(f"spans {worker}", 4 * strip_spans(height), np.int64).reshape(4, -1)
                 compare_strip(
                     given.flat, at, wanted.flat, channel * wanted.plane, wanted.row, unit, height, width, *edges[strip : strip + 2],

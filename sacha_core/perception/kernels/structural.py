@@ -10,9 +10,10 @@ $2 T k_2$ and $-2 (S + 2 C_2) k_2$, where $k_1 = A_2 / B_1^2 B_2$ and $k_2 = A_1
 agree, Q = T = 0, and SSIM is 1 and its slope 0 to the last bit. So windows in which they agree everywhere are not looked at, which is what
 a crop of the image is good for, row by row.
 
-A strip is narrow enough for the rows in flight to stay in the first cache, and goes down the image four rows at a time: blur s, d, s^2, d^2
-along the rows and keep them in a ring; blur fourteen of its rows into four, which gives four rows of windows and of SSIM's derivatives;
-blur those across and along, and write the gradient. Windows are zero padded.
+A strip is narrow enough for the rows in flight to stay in the nearest caches, and goes down the image four rows at a time: blur s, d, s^2,
+d^2 along the rows and keep them in a ring; blur fourteen of its rows into four, which gives four rows of windows and of SSIM's derivatives,
+kept in a second ring; blur fourteen of those across and along, and write the gradient of four rows, two groups further up. Windows are
+zero padded.
 
 Source: Wang et al., Image quality assessment, 2004; the form in s and d and its derivatives: own.
 """
@@ -49,19 +50,17 @@ STRIP = 128  # columns of gradient that a strip has at most
 # bytes, so that rows do not meet in one set of the cache.
 WINDOWS = STRIP + LANES
 LINE = WINDOWS + 3 * LANES
-RING = 24  # rows, of which every one is kept twice, so that any fourteen in turn lie one after the other
-MOMENTS = 4 * WINDOWS  # a row of the ring: means of s, d, s^2, d^2
-SLOPES = 3 * WINDOWS  # a row of derivatives: by the means (s and d together), by s^2, by d^2
+# Row y lies in place y + 5 of a ring, modulo its length, so that the fourteen rows around a group begin at a multiple of four.
+RING = 4 * GROUP  # rows: fourteen, and no more are written before they are read
+SLOPE_RING = 5 * GROUP  # rows: fourteen, and those that the last group of them brings
+MOMENTS = 4 * WINDOWS  # a row of the first ring: means of s, d, s^2, d^2
+SLOPES = 3 * WINDOWS  # a row of the second, derivatives: by the means (s and d together), by s^2, by d^2
 AT_SUM = 0
 AT_DIFFERENCE = LINE
 AT_RING = 2 * LINE
-AT_BLURRED = AT_RING + 2 * RING * MOMENTS
+AT_BLURRED = AT_RING + RING * MOMENTS
 AT_SLOPES = AT_BLURRED + GROUP * SLOPES
-
-
-def strip_space(height: int) -> int:
-    """Give how many float32 a strip works in."""
-    return AT_SLOPES + (height + 6 * GROUP) * SLOPES
+STRIP_SPACE = AT_SLOPES + SLOPE_RING * SLOPES  # float32 that a strip works in
 
 
 @inlined
@@ -72,11 +71,21 @@ def clear(space, start, stop):
 
 
 @inlined
-def put_moments(space, at, moments):
-    """Keep the blurred moments of sixteen pixels, twice."""
-    for part in range(4):
-        store(space, at + part * WINDOWS, moments[part])
-        store(space, at + part * WINDOWS + RING * MOMENTS, moments[part])
+def in_ring(first, row, ring, pitch):
+    """Give where a row lies in a ring that begins at `first`."""
+    return first + (row + RADIUS) % ring * pitch
+
+
+@inlined
+def around_group(first, group, ring, pitch):
+    """Give where the fourteen rows around a group lie in a ring: four and four and four and two of them one after the other."""
+    row = GROUP * group - RADIUS
+    return (
+        in_ring(first, row, ring, pitch),
+        in_ring(first, row + GROUP, ring, pitch),
+        in_ring(first, row + 2 * GROUP, ring, pitch),
+        in_ring(first, row + 3 * GROUP, ring, pitch),
+    )
 
 
 @inlined
@@ -88,7 +97,9 @@ def blur_row(image, image_at, target, target_at, unit, width, left, begin, end, 
         store(space, AT_DIFFERENCE + LANES + x - left, a - b)
     for t in range(begin, end, LANES):
         at = t + LANES - RADIUS
-        put_moments(space, slot + t, blur_moments(space, AT_SUM + at, AT_DIFFERENCE + at))
+        moments = blur_moments(space, AT_SUM + at, AT_DIFFERENCE + at)
+        for part in range(4):
+            store(space, slot + part * WINDOWS + t, moments[part])
 
 
 @inlined
@@ -97,7 +108,6 @@ def clear_row(space, slot, begin, end):
     for part in range(4):
         at = slot + part * WINDOWS
         clear(space, at + begin, at + end)
-        clear(space, at + RING * MOMENTS + begin, at + RING * MOMENTS + end)
 
 
 @inlined
@@ -128,45 +138,52 @@ def compare_windows(space, at, out):
 @inlined
 def compare_rows(space, group, height, width, left, right, begin, end, lost):
     """Compare the windows of four rows from `begin` to `end`; windows beyond the image have no derivatives."""
-    ring = AT_RING + (GROUP * group - RADIUS) % RING * MOMENTS
-    slopes = AT_SLOPES + (group + REACH) * GROUP * SLOPES
+    rows = around_group(AT_RING, group, RING, MOMENTS)
+    first, last = in_ring(AT_SLOPES, GROUP * group, SLOPE_RING, SLOPES), in_ring(AT_SLOPES, GROUP * group + 3, SLOPE_RING, SLOPES)
     lane, nothing = ramp(), zeros()
     owned = F(right - left + RADIUS)  # windows before and after belong to the strips beside
     lost0, lost1, lost2, lost3 = nothing, nothing, nothing, nothing
-    for row in range(3 * GROUP):
-        clear(space, slopes + row * WINDOWS, slopes + row * WINDOWS + begin)
-        clear(space, slopes + row * WINDOWS + end, slopes + (row + 1) * WINDOWS)
     for t in range(begin, end, LANES):
-        s0, s1, s2, s3 = blur_across(space, ring + t, MOMENTS)
-        d0, d1, d2, d3 = blur_across(space, ring + t + WINDOWS, MOMENTS)
-        ss0, ss1, ss2, ss3 = blur_across(space, ring + t + 2 * WINDOWS, MOMENTS)
-        dd0, dd1, dd2, dd3 = blur_across(space, ring + t + 3 * WINDOWS, MOMENTS)
+        s0, s1, s2, s3 = blur_across(space, rows, t, MOMENTS)
+        d0, d1, d2, d3 = blur_across(space, rows, t + WINDOWS, MOMENTS)
+        ss0, ss1, ss2, ss3 = blur_across(space, rows, t + 2 * WINDOWS, MOMENTS)
+        dd0, dd1, dd2, dd3 = blur_across(space, rows, t + 3 * WINDOWS, MOMENTS)
         place = lane + F(t)
         mine = (place >= F(RADIUS)) & (place < owned)
-        out = slopes + t
+        out = first + t
         lost0 = lost0 + select(mine, compare_windows(space, (s0, d0, ss0, dd0), out), nothing)
         lost1 = lost1 + select(mine, compare_windows(space, (s1, d1, ss1, dd1), out + SLOPES), nothing)
         lost2 = lost2 + select(mine, compare_windows(space, (s2, d2, ss2, dd2), out + 2 * SLOPES), nothing)
-        lost3 = lost3 + select(mine, compare_windows(space, (s3, d3, ss3, dd3), out + 3 * SLOPES), nothing)
-    beyond = width - left + RADIUS
-    for row in range(3 * GROUP):
-        if left == 0 and begin == 0:
-            store_first(space, slopes + row * WINDOWS, RADIUS, nothing)
-        for t in range(beyond, end, LANES):
-            store_first(space, slopes + row * WINDOWS + t, end - t, nothing)
-    clear(space, slopes + min(height - GROUP * group, GROUP) * SLOPES, slopes + GROUP * SLOPES)
+        lost3 = lost3 + select(mine, compare_windows(space, (s3, d3, ss3, dd3), last + t), nothing)
+    count = min(height - GROUP * group, GROUP)
+    for row in range(GROUP):
+        at = first + row * SLOPES if row < GROUP - 1 else last
+        bound_slopes(space, at, width, left, begin, end if row < count else 0)
     totals = sums((lost0, lost1, lost2, lost3))
-    for row in range(min(height - GROUP * group, GROUP)):
+    for row in range(count):
         lost[GROUP * group + row] = number(totals, row)
+
+
+@inlined
+def bound_slopes(space, at, width, left, begin, end):
+    """Clear the derivatives of a row outside of `begin` to `end`, and of windows beyond the image."""
+    for part in range(3):
+        line = at + part * WINDOWS
+        clear(space, line, line + min(begin, end))
+        clear(space, line + end, line + WINDOWS)
+        if left == 0 and begin == 0:
+            store_first(space, line, RADIUS, zeros())
+        for t in range(width - left + RADIUS, end, LANES):
+            store_first(space, line + t, end - t, zeros())
 
 
 @inlined
 def blur_slopes(space, group, begin, end):
     """Blur the derivatives of fourteen rows across into four, from `begin` to `end`."""
-    slopes = AT_SLOPES + ((group + REACH) * GROUP - RADIUS) * SLOPES
+    rows = around_group(AT_SLOPES, group, SLOPE_RING, SLOPES)
     for t in range(begin, end, LANES):
         for part in range(3):
-            row0, row1, row2, row3 = blur_across(space, slopes + part * WINDOWS + t, SLOPES)
+            row0, row1, row2, row3 = blur_across(space, rows, part * WINDOWS + t, SLOPES)
             at = AT_BLURRED + part * WINDOWS + t
             store(space, at, row0)
             store(space, at + SLOPES, row1)
@@ -218,7 +235,7 @@ def compare_strip(
         ssim_weight: float32.
         l1_weight: float32.
         gradient: flat, laid out as `image`; out.
-        space: (strip_space(height),) float32 to work in.
+        space: (STRIP_SPACE,) float32 to work in.
         spans: (4, strip_spans(height)) int64 to work in.
         lost: (h,) float32 out, half of 1 - SSIM summed over each row.
         l1: (h,) float32 out, |x - y| summed over each row.
@@ -227,34 +244,39 @@ def compare_strip(
     mark(image, image_at, target, target_at, pitch, unit, height, width, left, right, spans)
     low, high = spans[2], spans[3]
     clear(space, 0, AT_RING)
-    clear(space, AT_SLOPES, AT_SLOPES + REACH * GROUP * SLOPES)
-    clear(space, AT_SLOPES + (groups + REACH) * GROUP * SLOPES, AT_SLOPES + (groups + 2 * REACH) * GROUP * SLOPES)
-    blurred = -REACH
-    for group in range(groups):
-        while blurred <= group + REACH:
-            begin, end = around(low, high, min(max(blurred, 0), groups - 1) + 2 * REACH)
-            for y in range(GROUP * blurred, GROUP * (blurred + 1)):
-                slot = AT_RING + y % RING * MOMENTS
-                if 0 <= y < height:
-                    a, b = image_at + y * width, target_at + y * pitch
-                    blur_row(image, a, target, b, unit, width, left, begin, end, space, slot)
-                else:
-                    clear_row(space, slot, begin, end)
-            blurred += 1
+    clear(space, AT_SLOPES, STRIP_SPACE)
+    y = -RADIUS
+    for group in range(groups + REACH):
+        while y < GROUP * (group + 1) + RADIUS and group < groups:
+            begin, end = around(low, high, min(max(y // GROUP, 0), groups - 1) + 2 * REACH)
+            slot = in_ring(AT_RING, y, RING, MOMENTS)
+            if 0 <= y < height:
+                a, b = image_at + y * width, target_at + y * pitch
+                blur_row(image, a, target, b, unit, width, left, begin, end, space, slot)
+            else:
+                clear_row(space, slot, begin, end)
+            y += 1
         begin = min(low[group + 2 * REACH], WINDOWS)
         end = max(high[group + 2 * REACH], begin)
-        compare_rows(space, group, height, width, left, right, begin, end, lost)
-    for group in range(groups):
-        begin, end = around(low, high, group + 2 * REACH)
+        if group < groups:
+            compare_rows(space, group, height, width, left, right, begin, end, lost)
+        else:
+            for row in range(GROUP * group, GROUP * (group + 1)):
+                at = in_ring(AT_SLOPES, row, SLOPE_RING, SLOPES)
+                clear(space, at, at + SLOPES)
+        if group < REACH:
+            continue
+        above = group - REACH
+        begin, end = around(low, high, above + 2 * REACH)
         begin, end = max(begin - LANES, 0), min(end, right - left)
         if begin < end:
-            blur_slopes(space, group, begin, min(end + LANES, WINDOWS))
+            blur_slopes(space, above, begin, min(end + LANES, WINDOWS))
         else:
             begin, end = 0, 0
-        for row in range(min(height - GROUP * group, GROUP)):
-            y = GROUP * group + row
-            a, b, blur = image_at + y * width, target_at + y * pitch, AT_BLURRED + row * SLOPES
+        for row in range(min(height - GROUP * above, GROUP)):
+            at = GROUP * above + row
+            a, b, blur = image_at + at * width, target_at + at * pitch, AT_BLURRED + row * SLOPES
             total = gradient_row(
                 image, a, target, b, unit, width, left, right, begin, end, blur, space, ssim_weight, l1_weight, gradient
             )  # fmt: skip
-            l1[y] = number(sums((total,)), 0)
+            l1[at] = number(sums((total,)), 0)

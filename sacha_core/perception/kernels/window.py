@@ -37,13 +37,14 @@ def blur_along(a, at):
 
 
 @inlined
-def blur_across(a, at, pitch):
-    """Blur fourteen rows, the first at `at`, into the four in their middle."""
-    a0, a1, a2, a3 = load(a, at), load(a, at + pitch), load(a, at + 2 * pitch), load(a, at + 3 * pitch)
-    a4, a5, a6 = load(a, at + 4 * pitch), load(a, at + 5 * pitch), load(a, at + 6 * pitch)
-    a7, a8, a9 = load(a, at + 7 * pitch), load(a, at + 8 * pitch), load(a, at + 9 * pitch)
-    a10, a11 = load(a, at + 10 * pitch), load(a, at + 11 * pitch)
-    a12, a13 = load(a, at + 12 * pitch), load(a, at + 13 * pitch)
+def blur_across(a, rows, at, pitch):
+    """Blur fourteen rows into the four in their middle; `rows` tells where the first, fifth, ninth and thirteenth begin."""
+    first, second, third, fourth = rows[0] + at, rows[1] + at, rows[2] + at, rows[3] + at
+    a0, a1, a2, a3 = load(a, first), load(a, first + pitch), load(a, first + 2 * pitch), load(a, first + 3 * pitch)
+    a4, a5, a6 = load(a, second), load(a, second + pitch), load(a, second + 2 * pitch)
+    a7, a8, a9 = load(a, second + 3 * pitch), load(a, third), load(a, third + pitch)
+    a10, a11 = load(a, third + 2 * pitch), load(a, third + 3 * pitch)
+    a12, a13 = load(a, fourth), load(a, fourth + pitch)
     return (
         weighted(a0, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10),
         weighted(a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11),
