@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -23,7 +24,7 @@ from sacha_core.raster.removal import RemovalChanges
 from sacha_core.raster.splats import MAX_CHANNELS, SplatGradients, Splats
 from sacha_core.stopwatch import Timer, timed
 
-__all__ = ["NEAR", "Frame", "Rasteriser", "Splats"]
+__all__ = ["NEAR", "Frame", "HalfWay", "Rasteriser", "Splats"]
 
 NEAR = 0.1  # metres; closer, a few splats would cover the image
 SCRATCH = max(BLEND_SCRATCH, BACKWARD_SCRATCH, REMOVAL_SCRATCH, GATHER_SCRATCH)
@@ -53,6 +54,23 @@ class Frame:
     camera: Camera
     background: tuple[np.float32, ...]
     bins: Bins
+
+
+@dataclass(frozen=True)
+class HalfWay:
+    """Gradients that have come back to the entries of the tiles, and not through the projection yet.
+
+    Args:
+        slopes: where `project_backward` will write them; hold until the rasteriser's next pass.
+        chunks: bounds of ranges of Gaussians that jobs take, multiples of 16 but for the last.
+        arguments: what `project_backward` wants after the range and the space to work in.
+        scratch: (threads, s) that space.
+    """
+
+    slopes: SplatGradients
+    chunks: list[int]
+    arguments: tuple[Any, ...]
+    scratch: Float[np.ndarray, "t s"]
 
 
 class Rasteriser:
@@ -144,6 +162,23 @@ class Rasteriser:
         Raises:
             OptionError: the frame is not of the last `forward`, or a shape is wrong.
         """
+        half_way = self.backward_to_entries(frame, image_gradient, transmittance_gradient)
+        chunks, scratch = half_way.chunks, half_way.scratch
+
+        def job(worker: int, k: int) -> None:
+            project_backward(chunks[k], chunks[k + 1], scratch[worker], *half_way.arguments)
+
+        with timed(self._watch, "project backward"):
+            self._pool.run(job, len(chunks) - 1)
+        return half_way.slopes
+
+    def backward_to_entries(
+        self,
+        frame: Frame,
+        image_gradient: Float[np.ndarray, "c h w"],
+        transmittance_gradient: Float[np.ndarray, "h w"] | None = None,
+    ) -> HalfWay:
+        """Do the first part of `backward`, for who lets the second join what follows, Gaussian by Gaussian; see there."""
         upstream = self._checked(frame, image_gradient, frame.image.shape).ravel()
         upstream_t = np.zeros(0, np.float32)
         if transmittance_gradient is not None:
@@ -160,7 +195,7 @@ class Rasteriser:
 
         with timed(self._watch, "blend backward"):
             self._pool.run(job, len(ranges) - 1)
-        return self._project_backward(frame, sums)
+        return self._half_way(frame, sums)
 
     def colour_weights(self, frame: Frame, pixel_weights: Float[np.ndarray, "m h w"]) -> Float[np.ndarray, "n m"]:
         """Give for each Gaussian the sum over pixels of its blending weight times each image of pixel weights.
@@ -265,24 +300,18 @@ class Rasteriser:
                 values[:, first : first + IMAGES] = gathered[:, kind * IMAGES : kind * IMAGES + len(part)]
         return RemovalChanges(*result)
 
-    def _project_backward(self, frame: Frame, sums: np.ndarray) -> SplatGradients:
-        splats, bins, projection, scratch = frame.splats, frame.bins, frame.bins.projection, self._scratch()
-        chunks, inputs, tails = projection.chunks, projection.inputs[:4], projection.inputs[5:9]
+    def _half_way(self, frame: Frame, sums: np.ndarray) -> HalfWay:
+        splats, bins, projection = frame.splats, frame.bins, frame.bins.projection
         n, channels = len(splats), splats.channels
         widths = {"means": 3, "scales": 3, "quaternions": 4, "opacities": 1, "means_2d": 2, "colours": channels}
         rows = len(projection.depths)  # whole blocks of lanes
         out = {name: self._buffers.space("g_" + name, rows * width, np.float32) for name, width in widths.items()}
-
-        def job(worker: int, k: int) -> None:
-            project_backward(
-                *inputs, *tails, n, channels, projection.view, chunks[k], chunks[k + 1], bins.span.ravel(), sums,
-                out["means"], out["scales"], out["quaternions"], out["opacities"], out["means_2d"], out["colours"], scratch[worker],
-            )  # fmt: skip
-
-        with timed(self._watch, "project backward"):
-            self._pool.run(job, len(chunks) - 1)
+        arguments = (
+            *projection.inputs[:4], *projection.inputs[5:9], n, channels, projection.view, bins.span.ravel(), sums, *out.values()
+        )  # fmt: skip
         shapes = {name: (n, width) if name != "opacities" else (n,) for name, width in widths.items()}
-        return SplatGradients(**{name: out[name][: n * widths[name]].reshape(shapes[name]) for name in out})
+        slopes = SplatGradients(**{name: out[name][: n * widths[name]].reshape(shapes[name]) for name in out})
+        return HalfWay(slopes, projection.chunks, arguments, self._scratch())
 
     def _checked(self, frame: Frame, array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
         """Give a contiguous float32 array of this shape that belongs to a frame still valid."""

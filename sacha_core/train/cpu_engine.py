@@ -168,10 +168,10 @@ class CpuEngine:
             except ColourError as error:
                 return "colour", error.row
             found = self._judge(target, drawing, len(targets))
-            slopes = self._rasteriser.backward(drawing.frame, found.gradient)
+            half_way = self._rasteriser.backward_to_entries(drawing.frame, found.gradient)
             with self._time("gradients"):
                 height, width = target.sensitivity.shape
-                gradients.add_view(drawing.frame, slopes, self._drawer.tilts, width, height)
+                gradients.add_view(drawing.frame, half_way, self._drawer.tilts, width, height)
             parts = {"total": found.total, "l1": found.l1, "ssim": found.ssim, "sensitivity": found.entropy}
             for name, value in parts.items():
                 losses[name] = losses.get(name, 0.0) + value / len(targets)

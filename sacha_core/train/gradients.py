@@ -10,10 +10,12 @@ from jaxtyping import Float, Int
 
 from sacha_core.animation.posed import Pose, block_bounds
 from sacha_core.parallel.buffers import Buffers
+from sacha_core.parallel.kernels.lanes import LANES
 from sacha_core.parallel.pool import Pool
 from sacha_core.raster.harmonics import sh_rest_gradient
 from sacha_core.raster.kernels.harmonics import BASIS
-from sacha_core.raster.rasteriser import Frame
+from sacha_core.raster.kernels.project_backward import project_backward
+from sacha_core.raster.rasteriser import Frame, HalfWay
 from sacha_core.raster.splats import SplatGradients, Splats
 from sacha_core.train.faults import LARGEST_GRADIENT
 from sacha_core.train.kernels.carry_backward import PULLS
@@ -111,18 +113,18 @@ class GaussianGradients:
         self._penalties, self._sound = np.zeros((CHUNKS, 2)), [True] * (len(self._jobs) - 1)
 
     def add_view(
-        self, frame: Frame, slopes: SplatGradients, tilts: Float[np.ndarray, "3 n 3"], width: int, height: int
+        self, frame: Frame, half_way: HalfWay, tilts: Float[np.ndarray, "3 n 3"], width: int, height: int
     ) -> None:
         """Add a view: gradients of its share of the loss. With the last, all that `begin` promised is there.
 
         Args:
             frame: as it was drawn.
-            slopes: by the splats; changed.
+            half_way: gradients by the splats, not through the projection yet; their arrays are changed.
             tilts: gradient of each colour by the mean.
             width: of the whole image, pixels.
             height: likewise.
         """
-        chunks, jobs, views = self._chunks, self._jobs, self._views
+        chunks, jobs, views, slopes = self._chunks, self._jobs, self._views, half_way.slopes
         view = len(self.colours)
         cut = self._space(f"cut {view}", len(self._state), 3)
         self.colours.append(ViewColours(np.asarray(frame.camera.centre, np.float32), cut))
@@ -135,19 +137,13 @@ class GaussianGradients:
         )  # fmt: skip
         own = of_slopes(slopes)
         totals = self._totals(own) if views > 1 else own
+        self._project_shared(half_way)
 
         def job(worker: int, k: int) -> None:
             self._sound[k] = take_view(
-                jobs[k],
-                jobs[k + 1],
-                chunks.rows,
-                colours,
-                notes,
-                own,
-                totals,
-                view == views - 1,
-                self._settling(worker, totals),
-            )
+                jobs[k], jobs[k + 1], chunks.rows, len(self._state), half_way.scratch[worker], half_way.arguments, colours, notes,
+                own, totals, view == views - 1, self._settling(worker, totals),
+            )  # fmt: skip
 
         self._pool.run(job, len(jobs) - 1)
         if view == views - 1:
@@ -169,6 +165,14 @@ class GaussianGradients:
         for view in self.colours:
             total += sh_rest_gradient(self._splats.means, view.centre, degree, view.cut, total.shape[1])
         return total
+
+    def _project_shared(self, half_way: HalfWay) -> None:
+        """Carry those blocks of lanes back through the projection that belong to two jobs."""
+        rows = self._chunks.rows[self._jobs]
+        for block in {row // LANES * LANES for row in rows[1:-1].tolist() if row % LANES and row < rows[-1]}:
+            project_backward(
+                block, min(block + LANES, len(self._state)), half_way.scratch[0], *half_way.arguments
+            )
 
     def _settling(self, worker: int, totals: tuple[np.ndarray, ...]) -> tuple[Any, ...]:
         """Give what `settle` wants, but for the chunks."""

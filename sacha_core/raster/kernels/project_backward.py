@@ -213,8 +213,8 @@ def clear_block(at, g_means, g_scales, g_quaternions, g_opacities, g_means_2d):
 
 @kernel
 def project_backward(
-    means, scales, quaternions, opacities, tail_means, tail_scales, tail_quaternions, tail_opacities, n, channels, view, start, stop,
-    span, entry_gradients, g_means, g_scales, g_quaternions, g_opacities, g_means_2d, g_colours, scratch,
+    start, stop, scratch, means, scales, quaternions, opacities, tail_means, tail_scales, tail_quaternions, tail_opacities,
+    n, channels, view, span, entry_gradients, g_means, g_scales, g_quaternions, g_opacities, g_means_2d, g_colours,
 ):  # fmt: skip
     """Give the gradients of the Gaussians `start` to `stop` (`start` a multiple of 16).
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from sacha_core.parallel.kernels.kernel import kernel
+from sacha_core.parallel.kernels.lanes import LANES, inlined
 from sacha_core.raster.kernels.harmonics import harmonic_gradients
+from sacha_core.raster.kernels.project_backward import project_backward
 from sacha_core.train.kernels.settle import note_view, settle
 
 
@@ -14,14 +16,25 @@ def accumulate(start, stop, anew, own, totals):
         totals[i] = own[i] if anew else totals[i] + own[i]
 
 
+@inlined
+def whole_blocks(start, stop, n):
+    """Give the bounds of the blocks of sixteen that lie in a range alone; the last of all does, too, though it may have fewer."""
+    return (start + LANES - 1) // LANES * LANES, stop if stop == n else stop // LANES * LANES
+
+
 @kernel
-def take_view(first, last, rows_of, colours, notes, own, totals, last_view, settling):
+def take_view(first, last, rows_of, n, scratch, projecting, colours, notes, own, totals, last_view, settling):
     """Add a view's gradients of the chunks `first` to `last`, and settle them with the last view.
+
+    Those blocks of sixteen Gaussians that belong to two ranges of chunks must have come back through the projection before.
 
     Args:
         first: chunk.
         last: end of the range of chunks.
         rows_of: (chunks + 1,) first Gaussian of each chunk.
+        n: how many Gaussians there are.
+        scratch: that `project_backward` works in.
+        projecting: what it wants after that.
         colours: what `harmonic_gradients` wants after the rows.
         notes: what `note_view` wants after the rows; its first tells whether this is the first view.
         own: flat gradients by the splats, those by the opacities the last but one.
@@ -33,8 +46,13 @@ def take_view(first, last, rows_of, colours, notes, own, totals, last_view, sett
         Whether all gradients are sound.
     """
     good = True
+    block, end = whole_blocks(rows_of[first], rows_of[last], n)
     for chunk in range(first, last):
         start, stop = rows_of[chunk], rows_of[chunk + 1]
+        upper = min((stop + LANES - 1) // LANES * LANES, end)
+        if block < upper:
+            project_backward(block, upper, scratch, *projecting)
+            block = upper
         harmonic_gradients(start, stop, *colours)
         note_view(start, stop, *notes)
         if not (notes[0] and last_view):
