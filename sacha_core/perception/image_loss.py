@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,14 +12,16 @@ from jaxtyping import Float, Shaped, UInt8
 from sacha_core.errors import OptionError
 from sacha_core.parallel.buffers import Buffers
 from sacha_core.parallel.kernels.lanes import LANES
+from sacha_core.parallel.pool import Pool
 from sacha_core.perception.kernels.differences import strip_spans
-from sacha_core.perception.kernels.entropy import LOWEST, entropy_band
-from sacha_core.perception.kernels.structural import STRIP, STRIP_SPACE, compare_strip
+from sacha_core.perception.kernels.entropy import LOWEST
+from sacha_core.perception.kernels.parts import compare_parts
+from sacha_core.perception.kernels.structural import STRIP, STRIP_SPACE
 
 __all__ = ["ImageLoss", "ImageLosses"]
 
-Share = Callable[[Callable[[int, int], None], int], None]
 F = np.float32
+NO_MARKS = np.zeros((1, 0, 0), np.uint8)
 
 
 @dataclass(frozen=True)
@@ -42,12 +43,6 @@ class ImageLosses:
     gradient: Float[np.ndarray, "c h w"]
 
 
-def in_turn(task: Callable[[int, int], None], jobs: int) -> None:
-    """Call task(0, job) for each job."""
-    for job in range(jobs):
-        task(0, job)
-
-
 class ImageLoss:
     """Computes losses; keeps its buffers from call to call.
 
@@ -58,8 +53,7 @@ class ImageLoss:
         l1_weight: of the mean absolute difference.
         ssim_weight: of 1 - SSIM.
         entropy_weight: of the cross-entropy.
-        share: calls task(worker, job) once for each of a number of jobs, on some threads; None calls them in turn. The result is the same
-            to the bit.
+        pool: shares out the work; None for the calling thread alone. The result is the same to the bit.
 
     Source: Qian et al., GaussianAvatars, CVPR 2024 (0.8 L1 + 0.2 (1 - SSIM)); Zhou et al., Perceptual-GS, 2025 (cross-entropy).
     """
@@ -69,10 +63,10 @@ class ImageLoss:
         l1_weight: float = 0.8,
         ssim_weight: float = 0.2,
         entropy_weight: float = 0.01,
-        share: Share | None = None,
+        pool: Pool | None = None,
     ) -> None:
         self.l1_weight, self.ssim_weight, self.entropy_weight = l1_weight, ssim_weight, entropy_weight
-        self._share = in_turn if share is None else share
+        self._pool = pool or Pool(1)
         self._buffers = Buffers()
 
     def __call__(
@@ -108,33 +102,25 @@ class ImageLoss:
         image = np.ascontiguousarray(image)
         given, wanted = Planes.of(image), Planes.of(target)
         gradient = self._buffers.space("gradient", image.size, np.float32).reshape(image.shape)
-        edges = strip_edges(width)
-        strips = len(edges) - 1
+        edges = np.array(strip_edges(width))
+        strips, threads, marked = len(edges) - 1, self._pool.threads, sensitivity is not None
         sums = np.zeros((2, colours * strips, height), np.float32)
-        out = gradient.reshape(-1)
         unit = F(1 / 255 if target.dtype == np.uint8 else 1)
         weights = F(-self.ssim_weight / (colours * count)), F(self.l1_weight / (colours * count))
-        marks = None if sensitivity is None else Planes.of(sensitivity[None])
+        marks = Planes.of(NO_MARKS if sensitivity is None else sensitivity[None])
         nats, empty = np.zeros(height, np.float32), np.zeros(strips, np.int64)
+        counter, rows = np.zeros(1, np.int64), strip_spans(height)
+        space = self._buffers.space("space", threads * STRIP_SPACE, np.float32).reshape(threads, STRIP_SPACE)
+        spans = self._buffers.space("spans", threads * 4 * rows, np.int64).reshape(threads, 4, rows)
 
-        def task(worker: int, job: int) -> None:
-            channel, strip = divmod(job, strips)
-            at = channel * height * width
-            if channel < colours:
-                space = self._buffers.space(f"strip {worker}", STRIP_SPACE, np.float32)
-                spans = self._buffers.space(f"spans {worker}", 4 * strip_spans(height), np.int64).reshape(4, -1)
-                compare_strip(
-                    given.flat, at, wanted.flat, channel * wanted.plane, wanted.row, unit, height, width, *edges[strip : strip + 2],
-                    *weights, out, space, spans, sums[0, job], sums[1, job],
-                )  # fmt: skip
-            elif marks is not None:
-                top, bottom = height * strip // strips, height * (strip + 1) // strips
-                weight = F(self.entropy_weight / count)
-                empty[strip] = entropy_band(
-                    given.flat, at, marks.flat, 0, marks.row, top, bottom, width, weight, out, nats
-                )
+        def work(worker: int, _: int) -> None:
+            compare_parts(
+                counter, colours, edges, given.flat, wanted.flat, wanted.plane, wanted.row, unit, height, width, *weights,
+                marked, marks.flat, marks.row, F(self.entropy_weight / count), gradient.reshape(-1), space[worker], spans[worker],
+                *sums, nats, empty,
+            )  # fmt: skip
 
-        self._share(task, (colours + (sensitivity is not None)) * strips)
+        self._pool.run(work, min(threads, (colours + marked) * strips))
         if sensitivity is None:
             gradient[colours:] = 0
         ssim = 1 - 2 * float(sums[0].sum(dtype=np.float64)) / (colours * count)

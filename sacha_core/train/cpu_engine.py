@@ -66,7 +66,7 @@ class CpuEngine:
         self._rasteriser = Rasteriser(pool=self._pool, stopwatch=self._time)
         self._drawer = Drawer(self._rasteriser, self._pool, self._time)
         self._looker = Looker(self._rig, self._rasteriser, self._pool, self._time)
-        self._image_loss = ImageLoss(losses.l1, losses.ssim, losses.sensitivity, self._pool.run)
+        self._image_loss = ImageLoss(losses.l1, losses.ssim, losses.sensitivity, self._pool)
         self._compare = compare or self._image_loss
         self._gradients = GaussianGradients(losses, self._rig, self._pool, options.fine_tune)
         self._masks: Arrays = {}  # gradient by the masks, where they are learnt

@@ -147,7 +147,7 @@ def test_what_is_not_a_number_is_not_lost(channel) -> None:
 def test_threads_change_no_bit() -> None:
     image, target, sensitivity = material(6, 50, 333)
     alone = ImageLoss()(image, target, sensitivity)
-    shared = ImageLoss(share=Pool(3).run)(image, target, sensitivity)
+    shared = ImageLoss(pool=Pool(3))(image, target, sensitivity)
     assert alone.total == shared.total
     assert np.array_equal(alone.gradient, shared.gradient)
 

@@ -54,7 +54,7 @@ class View:
     pool: Pool
 
     def __post_init__(self) -> None:
-        self.rasteriser, self.loss = Rasteriser(pool=self.pool), ImageLoss(share=self.pool.run)
+        self.rasteriser, self.loss = Rasteriser(pool=self.pool), ImageLoss(pool=self.pool)
         picture = self.rasteriser.forward(self.splats, self.camera, WHITE).image
         shown = (picture != WHITE[:, None, None]).any(axis=0)
         noise = np.random.default_rng(0).integers(0, 256, (4, *shown.shape), np.uint8)
@@ -100,7 +100,7 @@ def agreeing_pixels(camera: Camera, pool: Pool) -> Work:
     half[middle] += rng.normal(0, 0.1, half[middle].shape).astype(np.float32)
     wide = half.copy()
     wide[:, :, [0, -1]] += np.float32(0.5)
-    few, all_of_it = ImageLoss(share=pool.run), ImageLoss(share=pool.run)
+    few, all_of_it = ImageLoss(pool=pool), ImageLoss(pool=pool)
     inside = np.s_[:, :, REACH + 1 : -REACH - 1]
 
     def error() -> float:

@@ -12,8 +12,8 @@ a crop of the image is good for, row by row.
 
 A strip is narrow enough for the rows in flight to stay in the nearest caches, and goes down the image four rows at a time: blur s, d, s^2,
 d^2 along the rows and keep them in a ring; blur fourteen of its rows into four, which gives four rows of windows and of SSIM's derivatives,
-kept in a second ring; blur fourteen of those across and along, and write the gradient of four rows, two groups further up. Windows are
-zero padded.
+kept in a second ring; some groups of rows later, blur fourteen of those across and along, and write the gradient of four rows. Windows
+are zero padded.
 
 Source: Wang et al., Image quality assessment, 2004; the form in s and d and its derivatives: own.
 """
@@ -52,7 +52,8 @@ WINDOWS = STRIP + LANES
 LINE = WINDOWS + 3 * LANES
 # Row y lies in place y + 5 of a ring, modulo its length, so that the fourteen rows around a group begin at a multiple of four.
 RING = 4 * GROUP  # rows: fourteen, and no more are written before they are read
-SLOPE_RING = 5 * GROUP  # rows: fourteen, and those that the last group of them brings
+BATCH = 4  # groups that are compared before the gradients of as many are written: each part has the first cache to itself for a while
+SLOPE_RING = (BATCH + 4) * GROUP  # rows: those of a batch, and of two groups before and two after
 MOMENTS = 4 * WINDOWS  # a row of the first ring: means of s, d, s^2, d^2
 SLOPES = 3 * WINDOWS  # a row of the second, derivatives: by the means (s and d together), by s^2, by d^2
 AT_SUM = 0
@@ -246,37 +247,36 @@ def compare_strip(
     clear(space, 0, AT_RING)
     clear(space, AT_SLOPES, STRIP_SPACE)
     y = -RADIUS
-    for group in range(groups + REACH):
-        while y < GROUP * (group + 1) + RADIUS and group < groups:
-            begin, end = around(low, high, min(max(y // GROUP, 0), groups - 1) + 2 * REACH)
-            slot = in_ring(AT_RING, y, RING, MOMENTS)
-            if 0 <= y < height:
-                a, b = image_at + y * width, target_at + y * pitch
-                blur_row(image, a, target, b, unit, width, left, begin, end, space, slot)
-            else:
-                clear_row(space, slot, begin, end)
-            y += 1
-        begin = min(low[group + 2 * REACH], WINDOWS)
-        end = max(high[group + 2 * REACH], begin)
-        if group < groups:
+    for batch in range(0, groups + REACH, BATCH):
+        for group in range(batch, batch + BATCH):
+            if group >= groups:
+                for row in range(GROUP * group, GROUP * (group + 1)):
+                    at = in_ring(AT_SLOPES, row, SLOPE_RING, SLOPES)
+                    clear(space, at, at + SLOPES)
+                continue
+            while y < GROUP * (group + 1) + RADIUS:
+                begin, end = around(low, high, min(max(y // GROUP, 0), groups - 1) + 2 * REACH)
+                slot = in_ring(AT_RING, y, RING, MOMENTS)
+                if 0 <= y < height:
+                    a, b = image_at + y * width, target_at + y * pitch
+                    blur_row(image, a, target, b, unit, width, left, begin, end, space, slot)
+                else:
+                    clear_row(space, slot, begin, end)
+                y += 1
+            begin = min(low[group + 2 * REACH], WINDOWS)
+            end = max(high[group + 2 * REACH], begin)
             compare_rows(space, group, height, width, left, right, begin, end, lost)
-        else:
-            for row in range(GROUP * group, GROUP * (group + 1)):
-                at = in_ring(AT_SLOPES, row, SLOPE_RING, SLOPES)
-                clear(space, at, at + SLOPES)
-        if group < REACH:
-            continue
-        above = group - REACH
-        begin, end = around(low, high, above + 2 * REACH)
-        begin, end = max(begin - LANES, 0), min(end, right - left)
-        if begin < end:
-            blur_slopes(space, above, begin, min(end + LANES, WINDOWS))
-        else:
-            begin, end = 0, 0
-        for row in range(min(height - GROUP * above, GROUP)):
-            at = GROUP * above + row
-            a, b, blur = image_at + at * width, target_at + at * pitch, AT_BLURRED + row * SLOPES
-            total = gradient_row(
-                image, a, target, b, unit, width, left, right, begin, end, blur, space, ssim_weight, l1_weight, gradient
-            )  # fmt: skip
-            l1[at] = number(sums((total,)), 0)
+        for group in range(max(batch - REACH, 0), min(batch + BATCH - REACH, groups)):
+            begin, end = around(low, high, group + 2 * REACH)
+            begin, end = max(begin - LANES, 0), min(end, right - left)
+            if begin < end:
+                blur_slopes(space, group, begin, min(end + LANES, WINDOWS))
+            else:
+                begin, end = 0, 0
+            for row in range(min(height - GROUP * group, GROUP)):
+                at = GROUP * group + row
+                a, b, blur = image_at + at * width, target_at + at * pitch, AT_BLURRED + row * SLOPES
+                total = gradient_row(
+                    image, a, target, b, unit, width, left, right, begin, end, blur, space, ssim_weight, l1_weight, gradient
+                )  # fmt: skip
+                l1[at] = number(sums((total,)), 0)
