@@ -21,7 +21,7 @@ from sacha_core.train.faults import LARGEST_GRADIENT, Fault
 from sacha_core.train.gradients import GaussianGradients
 from sacha_core.train.looking import Looker
 from sacha_core.train.masks import mask_gradient, mask_penalty
-from sacha_core.train.optimiser import step_gaussians, step_motion
+from sacha_core.train.optimiser import Adam
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.rig import Rig
 from sacha_core.train.state import FITTED_MOTION, MASK_LOGIT, Arrays, TrainState
@@ -69,6 +69,7 @@ class CpuEngine:
         self._image_loss = ImageLoss(losses.l1, losses.ssim, losses.sensitivity, self._pool)
         self._compare = compare or self._image_loss
         self._gradients = GaussianGradients(losses, self._rig, self._pool, options.fine_tune)
+        self._adam = Adam(self._pool)
         self._masks: Arrays = {}  # gradient by the masks, where they are learnt
         self._motion: Arrays = {}  # gradients of the rows of one timestep
         self._timestep, self._degree = 0, 0
@@ -115,9 +116,9 @@ class CpuEngine:
                 gradients |= self._masks
             if gradients or colours:
                 means = self._drawer.splats.means
-                step_gaussians(self._state, gradients, means, colours, self._degree, rates, self._pool)
+                self._adam.step_gaussians(self._state, gradients, means, colours, self._degree, rates)
             if self._motion:
-                step_motion(self._state, self._timestep, self._motion, rates)
+                self._adam.step_motion(self._state, self._timestep, self._motion, rates)
 
     def add(self, slopes: Mapping[str, np.ndarray]) -> None:
         """Add to the gradients kept: of what is lost beside the pictures."""

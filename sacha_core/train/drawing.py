@@ -12,6 +12,7 @@ from jaxtyping import Float
 from sacha_core.animation.kernels.carry import BLOCK
 from sacha_core.animation.posed import Pose, block_bounds
 from sacha_core.parallel.buffers import Buffers
+from sacha_core.parallel.kept import Kept
 from sacha_core.parallel.pool import Pool
 from sacha_core.raster.bounds import pixel_box
 from sacha_core.raster.camera import Camera
@@ -27,8 +28,28 @@ from sacha_core.train.views import Box
 __all__ = ["Drawer", "Drawing"]
 
 BACKGROUND = np.array([1, 1, 1, 0], np.float32)  # white, and not sensitive
+CARRIED = ("position", "log_scale", "quaternion", "opacity_logit", "sensitivity_logit")  # as `carry_splats` wants them
 NO_MASKS = np.zeros(0, np.float32)
 MARGIN = 10  # pixels: twice the reach of SSIM's window, so that nothing outside the crop sees what is inside
+
+
+@dataclass(frozen=True)
+class Placing:
+    """Where a state's Gaussians go: the same as long as none comes or goes.
+
+    Args:
+        splats: in the world.
+        tilts: see `Drawer`.
+        bounds: of the ranges of Gaussians that jobs take.
+        own: what `carry_splats` wants of the Gaussians, flat.
+        rest: what it wants after the factors of their opacities.
+    """
+
+    splats: Splats
+    tilts: Float[np.ndarray, "3 n 3"]
+    bounds: list[int]
+    own: tuple[np.ndarray, ...]
+    rest: tuple[np.ndarray, ...]
 
 
 @dataclass(frozen=True)
@@ -62,28 +83,35 @@ class Drawer:
 
     def __init__(self, rasteriser: Rasteriser, pool: Pool, time: Callable[[str], AbstractContextManager[None]]) -> None:
         self._rasteriser, self._pool, self._time, self._buffers = rasteriser, pool, time, Buffers()
+        self._placing: Kept[Placing] = Kept()
 
     def place(self, state: TrainState, pose: Pose) -> None:
         """Let the next `draw` carry the Gaussians along with a posed head first."""
-        n = len(state)
+        values = state.values
+        own = tuple(values[name] for name in CARRIED)
+        placing = self._placing.of(lambda: self._begin(state, pose), pose, state.binding, *own)
+        self.splats, self.tilts, self._bounds = placing.splats, placing.tilts, placing.bounds
+        self._state, self._to_carry = state, True
+        factors = alive(values[MASK_LOGIT]).astype(np.float32) if MASK_LOGIT in values else NO_MASKS
+        self._carrying = (*placing.own, factors, *placing.rest)
+
+    def _begin(self, state: TrainState, pose: Pose) -> Placing:
+        n, values, frames = len(state), state.values, pose.frames
         widths = {"means": 3, "scales": 3, "quaternions": 4, "colours": 4}
         space = {name: self._buffers.space(name, n * c, np.float32).reshape(n, c) for name, c in widths.items()}
-        self.splats = Splats(**space, opacities=self._buffers.space("opacities", n, np.float32))
-        self.tilts = self._buffers.space("tilts", 9 * n, np.float32).reshape(3, n, 3)
-        self._bounds = block_bounds(n, BLOCK, self._pool.threads)
-        self._state, self._pose = state, pose
-        self._to_carry = True
-        values, frames, splats = state.values, pose.frames, self.splats
-        own = (
-            values[name].reshape(-1)
-            for name in ("position", "log_scale", "quaternion", "opacity_logit", "sensitivity_logit")
-        )
-        factors = alive(values[MASK_LOGIT]).astype(np.float32) if MASK_LOGIT in values else NO_MASKS
-        self._carrying = (
-            *own, factors, state.binding, frames.rotation.reshape(-1), frames.scale, frames.origin.reshape(-1),
-            pose.quaternions.reshape(-1), splats.means.reshape(-1), splats.scales.reshape(-1), splats.quaternions.reshape(-1),
-            splats.opacities, splats.colours.reshape(-1),
+        splats = Splats(**space, opacities=self._buffers.space("opacities", n, np.float32))
+        rest = (
+            state.binding, frames.rotation.reshape(-1), frames.scale, frames.origin.reshape(-1), pose.quaternions.reshape(-1),
+            splats.means.reshape(-1), splats.scales.reshape(-1), splats.quaternions.reshape(-1), splats.opacities,
+            splats.colours.reshape(-1),
         )  # fmt: skip
+        return Placing(
+            splats=splats,
+            tilts=self._buffers.space("tilts", 9 * n, np.float32).reshape(3, n, 3),
+            bounds=block_bounds(n, BLOCK, self._pool.threads),
+            own=tuple(values[name].reshape(-1) for name in CARRIED),
+            rest=rest,
+        )
 
     def draw(self, camera: Camera, degree: int | None, box: Box) -> Drawing:
         """Draw what was placed.

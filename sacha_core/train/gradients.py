@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 
 from sacha_core.animation.posed import Pose, block_bounds
 from sacha_core.parallel.buffers import Buffers
+from sacha_core.parallel.kept import Kept
 from sacha_core.parallel.kernels.lanes import LANES
 from sacha_core.parallel.pool import Pool
 from sacha_core.raster.harmonics import sh_rest_gradient
@@ -68,6 +69,31 @@ class Chunks:
         return cls(faces, first_row[faces], int(np.diff(faces).max()))
 
 
+@dataclass(frozen=True)
+class Settling:
+    """Where a step's gradients go, and what `settle` wants: the same as long as no Gaussian comes or goes.
+
+    Args:
+        by_name: see `GaussianGradients`, as are the next two.
+        lengths: (n,).
+        seen: (n,).
+        shares: (n,) of a penalty that each Gaussian has.
+        penalties: (chunks, 2) of the chunks.
+        before: what `settle` wants after the range of chunks, before the gradients in the world.
+        after: what it wants after those.
+        spaces: what it works in, of each thread.
+    """
+
+    by_name: dict[str, np.ndarray]
+    lengths: Float[np.ndarray, " n"]
+    seen: Int[np.ndarray, " n"]
+    shares: Float[np.ndarray, " n"]
+    penalties: Float[np.ndarray, "c 2"]
+    before: tuple[Any, ...]
+    after: tuple[Any, ...]
+    spaces: list[tuple[np.ndarray, np.ndarray]]
+
+
 class GaussianGradients:
     """Gathers the gradients of a step from its views; owns the arrays, which hold until the next `begin`.
 
@@ -90,7 +116,8 @@ class GaussianGradients:
         self._limits = np.array([losses.position_limit, losses.scale_limit, losses.position, losses.scale], np.float32)
         self._buffers = Buffers()
         self._jobs = block_bounds(CHUNKS, 1, pool.threads)
-        self._binding = np.empty(0, np.int32)
+        self._chunked: Kept[Chunks] = Kept()
+        self._settled: Kept[Settling] = Kept()
         self.penalties = (0.0, 0.0)
 
     def begin(self, state: TrainState, pose: Pose, splats: Splats, views: int) -> None:
@@ -102,15 +129,36 @@ class GaussianGradients:
             splats: the Gaussians in the world.
             views: how many will be added.
         """
-        if self._binding is not state.binding:
-            self._binding, self._chunks = state.binding, Chunks.of(state.binding, len(self._rig.faces))
-        n = len(state)
-        self._state, self._pose, self._splats, self._views = state, pose, splats, views
-        self.by_name = {name: self._space(name, n, width) for name, width in WIDTHS.items()}
+        binding, position, quaternion = state.binding, state.values["position"], state.values["quaternion"]
+        self._chunks = self._chunked.of(lambda: Chunks.of(binding, len(self._rig.faces)), binding)
+        self._settling = self._settled.of(lambda: self._prepare(state, pose, splats), binding, position, quaternion, pose, splats)
+        self._state, self._splats, self._views = state, splats, views
+        self.by_name, self.lengths, self.seen = self._settling.by_name, self._settling.lengths, self._settling.seen
         self.colours: list[ViewColours] = []
-        self.lengths, self._shares = self._space("lengths", n, 1), self._space("shares", n, 1)
-        self.seen = self._space("seen", n, 1, np.int32)
-        self._penalties, self._sound = np.zeros((CHUNKS, 2)), [True] * (len(self._jobs) - 1)
+        self._sound = [True] * (len(self._jobs) - 1)
+
+    def _prepare(self, state: TrainState, pose: Pose, splats: Splats) -> Settling:
+        """Give where gradients go, and what `settle` wants."""
+        n, chunks, values, frames = len(state), self._chunks, state.values, pose.frames
+        by_name = {name: self._space(name, n, width) for name, width in WIDTHS.items()}
+        shares, penalties = self._space("shares", n, 1), np.zeros((CHUNKS, 2))
+        before = (
+            chunks.faces, chunks.rows, flat(values["position"]), flat(values["quaternion"]), state.binding,
+            flat(splats.scales), flat(splats.quaternions), splats.opacities, flat(splats.colours),
+        )  # fmt: skip
+        after = (
+            flat(pose.vertices), flat(self._rig.faces), flat(frames.rotation), frames.scale, self._with_mesh,
+            shares, self._limits, np.float32(LARGEST_GRADIENT), *map(flat, by_name.values()), flat(self._rig.g_corners), penalties,
+        )  # fmt: skip
+        spaces = [
+            (
+                self._buffers.space(f"scratch {worker}", SCRATCH, np.float32),
+                self._buffers.space(f"pulls {worker}", PULLS * chunks.most_faces, np.float32),
+            )
+            for worker in range(self._pool.threads)
+        ]
+        lengths, seen = self._space("lengths", n, 1), self._space("seen", n, 1, np.int32)
+        return Settling(by_name, lengths, seen, shares, penalties, before, after, spaces)
 
     def add_view(
         self, frame: Frame, half_way: HalfWay, tilts: Float[np.ndarray, "3 n 3"], width: int, height: int
@@ -125,7 +173,7 @@ class GaussianGradients:
             height: likewise.
         """
         chunks, jobs, views, slopes = self._chunks, self._jobs, self._views, half_way.slopes
-        view = len(self.colours)
+        view, settling = len(self.colours), self._settling
         cut = self._space(f"cut {view}", len(self._state), 3)
         self.colours.append(ViewColours(np.asarray(frame.camera.centre, np.float32), cut))
         half_sides = np.float32(views * width / 2), np.float32(views * height / 2)  # as if there were no other view
@@ -133,7 +181,7 @@ class GaussianGradients:
         colours = tilts, self._splats.colours, slopes.colours, cut, slopes.means
         notes = (
             view == 0, frame.bins.span, slopes.means_2d, *half_sides, part, cut, np.float32(BASIS[0]),
-            self._shares, self.seen, self.lengths, self.by_name["sh_dc"],
+            settling.shares, self.seen, self.lengths, self.by_name["sh_dc"],
         )  # fmt: skip
         own = of_slopes(slopes)
         totals = self._totals(own) if views > 1 else own
@@ -142,12 +190,12 @@ class GaussianGradients:
         def job(worker: int, k: int) -> None:
             self._sound[k] = take_view(
                 jobs[k], jobs[k + 1], chunks.rows, len(self._state), half_way.scratch[worker], half_way.arguments, colours, notes,
-                own, totals, view == views - 1, self._settling(worker, totals),
+                own, totals, view == views - 1, (*settling.before, *totals, *settling.after, *settling.spaces[worker]),
             )  # fmt: skip
 
         self._pool.run(job, len(jobs) - 1)
         if view == views - 1:
-            strayed, swollen = self._penalties.sum(axis=0)
+            strayed, swollen = settling.penalties.sum(axis=0)
             self.penalties = float(strayed), float(swollen)
 
     def fault(self) -> tuple[str, int] | None:
@@ -173,20 +221,6 @@ class GaussianGradients:
             project_backward(
                 block, min(block + LANES, len(self._state)), half_way.scratch[0], *half_way.arguments
             )
-
-    def _settling(self, worker: int, totals: tuple[np.ndarray, ...]) -> tuple[Any, ...]:
-        """Give what `settle` wants, but for the chunks."""
-        chunks, state, pose, splats = self._chunks, self._state, self._pose, self._splats
-        frames, values = pose.frames, state.values
-        scratch = self._buffers.space(f"scratch {worker}", SCRATCH, np.float32)
-        pulls = self._buffers.space(f"pulls {worker}", PULLS * chunks.most_faces, np.float32)
-        return (
-            chunks.faces, chunks.rows, flat(values["position"]), flat(values["quaternion"]), state.binding,
-            flat(splats.scales), flat(splats.quaternions), splats.opacities, flat(splats.colours), *totals,
-            flat(pose.vertices), flat(self._rig.faces), flat(frames.rotation), frames.scale, self._with_mesh,
-            self._shares, self._limits, np.float32(LARGEST_GRADIENT), *map(flat, self.by_name.values()), flat(self._rig.g_corners),
-            self._penalties, scratch, pulls,
-        )  # fmt: skip
 
     def _totals(self, slopes: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
         """Give space for the sums over views."""

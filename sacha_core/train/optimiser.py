@@ -4,79 +4,98 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from sacha_core.animation.posed import block_bounds
+from sacha_core.parallel.kept import Kept
 from sacha_core.parallel.pool import Pool
 from sacha_core.train.gradients import ViewColours
 from sacha_core.train.kernels.adam import harmonics_range, step_one_row, step_range
 from sacha_core.train.state import Arrays, TrainState
 
-__all__ = ["BETAS", "EPSILON", "step_gaussians", "step_motion"]
+__all__ = ["BETAS", "EPSILON", "Adam"]
 
 BETAS = (0.9, 0.999)
 EPSILON = 1e-15
 ROWS = 64  # Gaussians, of which a job takes a multiple, so that each falls into the same lane whichever thread steps it
 
 
-def step_gaussians(
-    state: TrainState,
-    gradients: Arrays,
-    means: Float[np.ndarray, "n 3"],
-    colours: Sequence[ViewColours],
-    degree: int,
-    rates: Mapping[str, float],
-    pool: Pool,
-) -> None:
-    """Take one step with the Gaussians.
+class Adam:
+    """Steps the Gaussians and the motion of training states.
 
     Args:
-        state: changed.
-        gradients: by name; an attribute without a gradient stays as it is.
-        means: in the world, as they were seen.
-        colours: of each view: the gradient by the harmonics of degree 1 and up, which then need none in `gradients`; none to leave them.
-        degree: of the harmonics in use; the coefficients beyond have never had a gradient.
-        rates: learning rates by name.
         pool: shares out the work.
 
     Source: Kingma and Ba, Adam, 2015.
     """
-    state.steps["gaussians"] += 1
-    pace = Pace(state.steps["gaussians"])
-    bounds = block_bounds(len(state), ROWS, pool.threads)
-    centres, cuts = tuple(view.centre for view in colours), tuple(view.cut for view in colours)
-    rest = [kind["sh_rest"] for kind in (state.values, state.first, state.second)]
-    names = tuple(gradients)
-    arrays = flat(state.values, names), flat(gradients, names), flat(state.first, names), flat(state.second, names)
-    widths, paces = tuple(gradients[name][:1].size for name in names), tuple(pace.rate(rates[name]) for name in names)
 
-    def job(_: int, k: int) -> None:
-        start, stop = bounds[k], bounds[k + 1]
-        if colours and degree > 0:
-            harmonics_range(start, stop, degree, means, centres, cuts, *rest, pace.rate(rates["sh_rest"]), *pace.rest)
-        if names:
-            step_range(start, stop, widths, *arrays, paces, *pace.rest)
+    def __init__(self, pool: Pool) -> None:
+        self._pool = pool
+        self._looked_up: Kept[dict[str, tuple[np.ndarray, ...]]] = Kept()
 
-    pool.run(job, len(bounds) - 1)
+    def step_gaussians(
+        self,
+        state: TrainState,
+        gradients: Arrays,
+        means: Float[np.ndarray, "n 3"],
+        colours: Sequence[ViewColours],
+        degree: int,
+        rates: Mapping[str, float],
+    ) -> None:
+        """Take one step with the Gaussians.
+
+        Args:
+            state: changed.
+            gradients: by name; an attribute without a gradient stays as it is.
+            means: in the world, as they were seen.
+            colours: of each view: the gradient by the harmonics of degree 1 and up, which then need none in `gradients`; none to leave
+                them.
+            degree: of the harmonics in use; the coefficients beyond have never had a gradient.
+            rates: learning rates by name.
+        """
+        state.steps["gaussians"] += 1
+        pace = Pace(state.steps["gaussians"])
+        bounds = block_bounds(len(state), ROWS, self._pool.threads)
+        centres, cuts = tuple(view.centre for view in colours), tuple(view.cut for view in colours)
+        rest = [kind["sh_rest"] for kind in (state.values, state.first, state.second)]
+        stepped = self._stepped(state, gradients, rates, pace, max(len(state), 1))
+
+        def job(_: int, k: int) -> None:
+            start, stop = bounds[k], bounds[k + 1]
+            if colours and degree > 0:
+                harmonics_range(
+                    start, stop, degree, means, centres, cuts, *rest, pace.rate(rates["sh_rest"]), *pace.rest
+                )
+            if gradients:
+                step_range(start, stop, *stepped, *pace.rest)
+
+        self._pool.run(job, len(bounds) - 1)
+
+    def step_motion(self, state: TrainState, timestep: int, gradients: Arrays, rates: Mapping[str, float]) -> None:
+        """Take one step with the motion of all timesteps, of which one has gradients (rows by name)."""
+        state.steps["motion"] += 1
+        pace, rows = Pace(state.steps["motion"]), len(state.values[next(iter(gradients))])
+        stepped = self._stepped(state, gradients, rates, pace, 1)
+        step_one_row(timestep, rows, *stepped, *pace.rest, np.zeros(rows * max(stepped[0]), np.float32))
+
+    def _stepped(
+        self, state: TrainState, gradients: Arrays, rates: Mapping[str, float], pace: Pace, rows: int
+    ) -> tuple[Any, ...]:
+        """Give widths, values, gradients, both moments and rates, as the kernels want them; gradients have so many rows."""
+        kinds = state.values, state.first, state.second
+        of = self._looked_up.of(lambda: flat(*kinds), *kinds[0].values(), *kinds[1].values(), *kinds[2].values())
+        slopes = tuple(slope.reshape(-1) for slope in gradients.values())
+        values, first, second = zip(*(of[name] for name in gradients), strict=True) if gradients else ((), (), ())
+        widths = tuple(slope.size // rows for slope in slopes)
+        return widths, values, slopes, first, second, tuple(pace.rate(rates[name]) for name in gradients)
 
 
-def step_motion(state: TrainState, timestep: int, gradients: Arrays, rates: Mapping[str, float]) -> None:
-    """Take one step with the motion of all timesteps, of which one has gradients (rows by name)."""
-    state.steps["motion"] += 1
-    pace, names = Pace(state.steps["motion"]), tuple(gradients)
-    widths, paces = tuple(gradients[name].size for name in names), tuple(pace.rate(rates[name]) for name in names)
-    rows = len(state.values[names[0]])
-    step_one_row(
-        timestep, rows, widths, flat(state.values, names), flat(gradients, names), flat(state.first, names), flat(state.second, names),
-        paces, *pace.rest, np.zeros(rows * max(widths), np.float32),
-    )  # fmt: skip
-
-
-def flat(arrays: Arrays, names: Sequence[str]) -> tuple[np.ndarray, ...]:
-    """Give some arrays, each as one row."""
-    return tuple(arrays[name].reshape(-1) for name in names)
+def flat(values: Arrays, first: Arrays, second: Arrays) -> dict[str, tuple[np.ndarray, ...]]:
+    """Give values and moments by name, each as one row."""
+    return {name: (value.reshape(-1), first[name].reshape(-1), second[name].reshape(-1)) for name, value in values.items()}
 
 
 class Pace:

@@ -15,7 +15,7 @@ from sacha_core.train.cpu_engine import CpuEngine
 from sacha_core.train.density_control import calibrate
 from sacha_core.train.gradients import ViewColours
 from sacha_core.train.importance import SeenWeights
-from sacha_core.train.optimiser import step_gaussians
+from sacha_core.train.optimiser import Adam
 from sacha_core.train.options import DensityOptions, PruningOptions, TrainOptions
 from sacha_core.train.regions import head_regions
 from sacha_core.train.state import initial_state
@@ -71,11 +71,11 @@ def resting_coefficients(n: int, preset: Preset) -> Work:
     colours, rates = ViewColours(centre, cut), {"sh_rest": 1e-3}
 
     def active() -> None:
-        step_gaussians(states[0], {}, means, [colours], 1, rates, pool)
+        Adam(pool).step_gaussians(states[0], {}, means, [colours], 1, rates)
 
     def every() -> None:
         gradient = sh_rest_gradient(means, centre, 1, cut, 15)
-        step_gaussians(states[1], {"sh_rest": gradient}, means, [], 1, rates, pool)
+        Adam(pool).step_gaussians(states[1], {"sh_rest": gradient}, means, [], 1, rates)
 
     def error() -> float:
         active()
