@@ -12,7 +12,15 @@ from sacha_core.parallel.kernels.lanes import LANES
 from sacha_core.parallel.pool import Pool, even_ranges
 from sacha_core.raster.kernels.harmonics import coefficient_gradients, harmonic_colours, harmonic_gradients
 
-__all__ = ["ALL_DEGREES", "NO_TILTS", "degrees_in_use", "sh_colours", "sh_colours_backward", "sh_rest_gradient"]
+__all__ = [
+    "ALL_DEGREES",
+    "NO_TILTS",
+    "degrees_in_use",
+    "sh_colours",
+    "sh_colours_backward",
+    "sh_rest_gradient",
+    "share",
+]
 
 ALL_DEGREES = np.zeros(0, np.uint8)  # for kernels: no Gaussian has a limit of its own
 NO_TILTS = np.zeros((3, 0, 3), np.float32)  # for kernels: nobody wants the colours' gradients by the means
@@ -27,6 +35,7 @@ def sh_colours(
     pool: Pool | None = None,
     degrees: UInt8[np.ndarray, " n"] | None = None,
     out: Float[np.ndarray, "n c"] | None = None,
+    tilts: Float[np.ndarray, "3 n 3"] | None = None,
 ) -> Float[np.ndarray, "n c"]:
     """Give max(SH + 0.5, 0), the colours of Gaussians as seen from a camera.
 
@@ -41,6 +50,7 @@ def sh_colours(
         pool: shares out the work; None for the calling thread alone.
         degrees: (n,) of each Gaussian: its higher coefficients are not looked at either; None for no such limit.
         out: (n, 3 or 4) contiguous float32, to write to; a fourth column stays as it is. None for new memory.
+        tilts: (3, n, 3) contiguous float32, to write the gradient of each colour by the mean to; None for nobody to want it.
 
     Returns:
         `out`, or (n, 3) float32.
@@ -58,8 +68,8 @@ def sh_colours(
     limits = ALL_DEGREES if degrees is None else np.ascontiguousarray(degrees, np.uint8)
     if degrees is not None and limits.shape != (n,):
         raise OptionError(f"degrees of harmonics have shape {limits.shape}, expected ({n},)")
-    arrays = single(sh_dc, sh_rest, means, centre)
-    share(pool, n, lambda start, stop: harmonic_colours(start, stop, *arrays, degree, limits, colours, NO_TILTS))
+    arrays, slopes = single(sh_dc, sh_rest, means, centre), NO_TILTS if tilts is None else tilts
+    share(pool, n, lambda start, stop: harmonic_colours(start, stop, *arrays, degree, limits, colours, slopes))
     return colours
 
 

@@ -110,6 +110,11 @@ class Rasteriser:
         """Number of threads."""
         return self._pool.threads
 
+    @property
+    def pool(self) -> Pool:
+        """The threads, for others' use between calls."""
+        return self._pool
+
     def forward(self, splats: Splats, camera: Camera, background: Float[np.ndarray, " c"]) -> Frame:
         """Draw.
 

@@ -14,7 +14,7 @@ from sacha_core.errors import FormatError, OptionError
 from sacha_core.npz import read_npz, write_npz
 from sacha_core.train.faults import Fault, Faults
 from sacha_core.train.options import TrainOptions, from_record
-from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, MASK_LOGIT, ROWS, TrainState
+from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, MASK_LOGIT, ROWS, TrainState, lay_together
 
 __all__ = ["Checkpoint", "differing", "read_checkpoint", "require_fit", "write_checkpoint"]
 
@@ -96,6 +96,7 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
     statistics = (gradient_sum, gradient_count, thresholds, ratios)
     state = TrainState(iteration, values, first, second, steps, binding, *statistics, faults)
     _check(path, state)
+    lay_together(state)
     return Checkpoint(state, options, events, data)
 
 

@@ -131,7 +131,9 @@ class GaussianGradients:
         """
         binding, position, quaternion = state.binding, state.values["position"], state.values["quaternion"]
         self._chunks = self._chunked.of(lambda: Chunks.of(binding, len(self._rig.faces)), binding)
-        self._settling = self._settled.of(lambda: self._prepare(state, pose, splats), binding, position, quaternion, pose, splats)
+        self._settling = self._settled.of(
+            lambda: self._prepare(state, pose, splats), binding, position, quaternion, pose, splats
+        )
         self._state, self._splats, self._views = state, splats, views
         self.by_name, self.lengths, self.seen = self._settling.by_name, self._settling.lengths, self._settling.seen
         self.colours: list[ViewColours] = []
@@ -218,9 +220,7 @@ class GaussianGradients:
         """Carry those blocks of lanes back through the projection that belong to two jobs."""
         rows = self._chunks.rows[self._jobs]
         for block in {row // LANES * LANES for row in rows[1:-1].tolist() if row % LANES and row < rows[-1]}:
-            project_backward(
-                block, min(block + LANES, len(self._state)), half_way.scratch[0], *half_way.arguments
-            )
+            project_backward(block, min(block + LANES, len(self._state)), half_way.scratch[0], *half_way.arguments)
 
     def _totals(self, slopes: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
         """Give space for the sums over views."""

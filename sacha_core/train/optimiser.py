@@ -95,7 +95,9 @@ class Adam:
 
 def flat(values: Arrays, first: Arrays, second: Arrays) -> dict[str, tuple[np.ndarray, ...]]:
     """Give values and moments by name, each as one row."""
-    return {name: (value.reshape(-1), first[name].reshape(-1), second[name].reshape(-1)) for name, value in values.items()}
+    return {
+        name: (value.reshape(-1), first[name].reshape(-1), second[name].reshape(-1)) for name, value in values.items()
+    }
 
 
 class Pace:

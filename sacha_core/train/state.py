@@ -9,10 +9,11 @@ from jaxtyping import Bool, Float, Int
 
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.avatar.motion import Motion
+from sacha_core.parallel.buffers import together
 from sacha_core.train.faults import Faults
 
 __all__ = [
-    "ATTRIBUTES", "FITTED_MOTION", "MASK_LOGIT", "ROWS", "Arrays", "TrainState", "initial_state", "rearrange",
+    "ATTRIBUTES", "FITTED_MOTION", "MASK_LOGIT", "ROWS", "Arrays", "TrainState", "initial_state", "lay_together", "rearrange",
 ]  # fmt: skip
 
 ATTRIBUTES = (
@@ -98,7 +99,7 @@ def initial_state(
         values[MASK_LOGIT] = np.full(n, mask_logit, np.float32)
     values |= {name: getattr(motion, name) for name in FITTED_MOTION}
     values = {name: np.array(value, np.float32, order="C") for name, value in values.items()}
-    return TrainState(
+    state = TrainState(
         iteration=0,
         values=values,
         first={name: np.zeros_like(value) for name, value in values.items()},
@@ -110,6 +111,16 @@ def initial_state(
         thresholds=np.full(n_regions, threshold),
         ratios=np.full(n_regions, ratio),
     )
+    lay_together(state)
+    return state
+
+
+def lay_together(state: TrainState) -> None:
+    """Move what has a row a Gaussian to large pages: every step goes through all of it."""
+    kinds = state.values, state.first, state.second
+    moved = together({(k, name): kind[name] for k, kind in enumerate(kinds) for name in ROWS if name in kind})
+    for (k, name), array in moved.items():
+        kinds[k][name] = array
 
 
 def rearrange(
@@ -138,6 +149,7 @@ def rearrange(
         for moments in (state.first, state.second):
             moments[name] = moments[name].take(rows, axis=0)
             moments[name][anew] = 0
+    lay_together(state)
     state.binding = state.binding[rows]
     state.gradient_sum = state.gradient_sum[rows]
     state.gradient_count = state.gradient_count[rows]

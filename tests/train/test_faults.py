@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import fields, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from sacha_core.progress import silent
-from sacha_core.raster.rasteriser import Rasteriser
+from sacha_core.raster.kernels.project_backward import project_backward
+from sacha_core.raster.rasteriser import Frame
+from sacha_core.raster.splats import SplatGradients
+from sacha_core.train import gradients
 from sacha_core.train.cpu_engine import CpuEngine
 from sacha_core.train.faults import CAUSES, LARGEST_GRADIENT, Fault, Faults
-from sacha_core.train.gradients import WIDTHS
+from sacha_core.train.gradients import WIDTHS, GaussianGradients
+from sacha_core.train.kernels.take_view import take_view
 from sacha_core.train.loop import Run, train
 from sacha_core.train.options import LearningRates, TrainOptions
 from sacha_core.train.presets import scaled
 from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION
 
 OPTIONS = TrainOptions(threads=2, sh_degree=1, device="cpu")
+SLOPES = len(fields(SplatGradients))  # arrays that `project_backward` writes, its last arguments
 SPLATS_OF = {
     "position": "means", "log_scale": "scales", "quaternion": "quaternions", "opacity_logit": "opacities", "sh_dc": "colours",
 }  # fmt: skip
@@ -50,32 +57,52 @@ def changed(run: Run, before: dict[str, np.ndarray]) -> list[str]:
     return [name for name, array in everything(run).items() if not np.array_equal(array, before[name])]
 
 
+def take_projected(first, last, rows_of, n, scratch, projecting, *rest):
+    """Do what `take_view` does with gradients that are there already: what it projects itself goes elsewhere."""
+    elsewhere = (*projecting[:-SLOPES], *map(np.empty_like, projecting[-SLOPES:]))
+    return take_view(first, last, rows_of, n, scratch, elsewhere, *rest)
+
+
+def spoil_gradients(patch, spoil: Callable[[Frame, SplatGradients], None]) -> None:
+    """Have `spoil` change what comes back from the projection, before anybody else sees it."""
+    add_view = GaussianGradients.add_view
+
+    def spoilt(self, frame, half_way, *rest):
+        for first, last in pairwise(half_way.chunks):
+            project_backward(first, last, half_way.scratch[0], *half_way.arguments)
+        spoil(frame, half_way.slopes)
+        with patch.context() as inner:
+            inner.setattr(gradients, "take_view", take_projected)
+            inner.setattr(gradients, "project_backward", lambda *_: None)
+            add_view(self, frame, half_way, *rest)
+
+    patch.setattr(GaussianGradients, "add_view", spoilt)
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e12 * LARGEST_GRADIENT])
 @pytest.mark.parametrize("name", SPLATS_OF)
 def test_a_gradient_that_is_not_finite_changes_nothing_and_is_told_with_its_first_row(
     run, monkeypatch, name, value
 ) -> None:
-    backward = Rasteriser.backward
+    spoilt_rows = []
 
-    def spoilt(self, frame, *rest):
-        slopes = backward(self, frame, *rest)
+    def spoil(frame, slopes):
         rows = np.flatnonzero(frame.visible)
         for row in rows[[40, 7, 30]]:
             getattr(slopes, SPLATS_OF[name]).reshape(len(frame.visible), -1)[row, -1 if name == "quaternion" else 0] = (
                 value
             )
-        spoilt.row = int(rows[7])
-        return slopes
+        spoilt_rows.append(int(rows[7]))
 
     before = everything(run)
     with monkeypatch.context() as patch:
-        patch.setattr(Rasteriser, "backward", spoilt)
+        spoil_gradients(patch, spoil)
         run.iterate()
         run.iterate()
     assert changed(run, before) == []
     faults = run.engine.take().faults
     assert faults.count == 2
-    assert (faults.first.iteration, faults.first.parameter) == (4, name)
+    assert faults.first == Fault(4, name, spoilt_rows[0])
     assert run.engine.losses() == {}
     run.iterate()
     assert len(changed(run, before)) > 10
@@ -121,17 +148,13 @@ def test_density_control_goes_on_where_a_step_was_skipped(tiny, tmp_path, monkey
     options = replace(options, schedule=replace(options.schedule, densify_every=4, densify_from=3))
     differentiate, bad = CpuEngine.differentiate, (4, 13, 14)
 
+    def poison(frame, slopes):
+        slopes.means[np.flatnonzero(frame.visible)[0]] = np.nan
+
     def spoilt(self, iteration, targets, degree):
-        backward = Rasteriser.backward
-
-        def poisoned(rasteriser, frame, *rest):
-            slopes = backward(rasteriser, frame, *rest)
-            slopes.means[np.flatnonzero(frame.visible)[0]] = np.nan
-            return slopes
-
         with monkeypatch.context() as patch:
             if iteration in bad:
-                patch.setattr(Rasteriser, "backward", poisoned)
+                spoil_gradients(patch, poison)
             differentiate(self, iteration, targets, degree)
 
     monkeypatch.setattr(CpuEngine, "differentiate", spoilt)

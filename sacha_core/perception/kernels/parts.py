@@ -13,7 +13,7 @@ def compare_parts(
     counter, colours, edges, image, target, target_plane, pitch, unit, height, width, ssim_weight, l1_weight,
     marked, marks, marks_pitch, entropy_weight, gradient, space, spans, lost, l1, nats, empty,
 ):  # fmt: skip
-    """Do the parts that are left, strips first. Arguments as of `compare_strip` and `entropy_band`, and
+    """Do the parts that are left, strips first; most arguments are those of `compare_strip` and `entropy_band`.
 
     Args:
         counter: (1,) int64, the first part that nobody has taken.

@@ -140,7 +140,10 @@ def compare_windows(space, at, out):
 def compare_rows(space, group, height, width, left, right, begin, end, lost):
     """Compare the windows of four rows from `begin` to `end`; windows beyond the image have no derivatives."""
     rows = around_group(AT_RING, group, RING, MOMENTS)
-    first, last = in_ring(AT_SLOPES, GROUP * group, SLOPE_RING, SLOPES), in_ring(AT_SLOPES, GROUP * group + 3, SLOPE_RING, SLOPES)
+    first, last = (
+        in_ring(AT_SLOPES, GROUP * group, SLOPE_RING, SLOPES),
+        in_ring(AT_SLOPES, GROUP * group + 3, SLOPE_RING, SLOPES),
+    )
     lane, nothing = ramp(), zeros()
     owned = F(right - left + RADIUS)  # windows before and after belong to the strips beside
     lost0, lost1, lost2, lost3 = nothing, nothing, nothing, nothing
