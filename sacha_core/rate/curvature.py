@@ -9,8 +9,10 @@ Source: Hutchinson's estimator for the diagonal of a Gauss-Newton matrix (Bekas,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -82,13 +84,18 @@ def measure_importance(
                 spaces.colours, spaces.tilts, (spaces.cut, spaces.weights), tuple(sums.values()), columns, view, centre,
                 gaussians.sh_degree,
             )  # fmt: skip
-            share(rasteriser.pool, n, lambda start, stop, rest=arguments: add_view(start, stop, *rest))
-        share(rasteriser.pool, n, lambda start, stop, rest=columns: add_outer_products(start, stop, metric, rest))
-    share(rasteriser.pool, n, lambda start, stop: mirror(start, stop, metric, np.float32(1 / views)))
+            share(rasteriser.pool, n, partial(call, add_view, arguments))
+        share(rasteriser.pool, n, partial(call, add_outer_products, (metric, columns)))
+    share(rasteriser.pool, n, partial(call, mirror, (metric, np.float32(1 / views))))
     diagonal = np.diagonal(metric[:, 1:, 1:], axis1=1, axis2=2)
     rest = np.repeat(diagonal[:, :, None], 3, axis=2).astype(np.float64)
     means = {name: total / views for name, total in sums.items()}
     return GaussianImportance(**means, sh_rest=rest, colour_metric=metric)
+
+
+def call(kernel: Callable[..., None], arguments: tuple[Any, ...], start: int, stop: int) -> None:
+    """Let a kernel do a range of rows."""
+    kernel(start, stop, *arguments)
 
 
 @dataclass(frozen=True)
