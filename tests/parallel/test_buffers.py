@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ def extent(array: np.ndarray) -> tuple[int, int]:
 
 def apart(arrays: list[np.ndarray]) -> bool:
     ends = sorted(map(extent, arrays))
-    return all(end <= start for (_, end), (start, _) in zip(ends, ends[1:], strict=False))
+    return all(end <= start for (_, end), (start, _) in pairwise(ends))
 
 
 def test_arrays_under_different_names_are_apart_and_begin_at_cache_lines() -> None:
