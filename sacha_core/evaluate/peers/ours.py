@@ -47,6 +47,15 @@ def count(parts: Parts) -> int:
 
 
 PEERS = (
-    Peer(NAME, "SACHA", nothing, settings, partial(encode, True), decode, count=count, needs_head=True),
-    Peer(RULES, "SACHA without rendering", nothing, settings, partial(encode, False), decode, needs_head=True),
+    Peer(NAME, "SACHA", nothing, settings, partial(encode, True), decode, count=count, needs_head=True, own_order=True),
+    Peer(
+        RULES,
+        "SACHA without rendering",
+        nothing,
+        settings,
+        partial(encode, False),
+        decode,
+        needs_head=True,
+        own_order=True,
+    ),
 )

@@ -136,6 +136,7 @@ class Peer:
         limit_s: how long one operating point may take.
         count: bytes that describe the Gaussians, where the parts hold a motion besides; by default all.
         needs_head: whether it takes only Gaussians that are bound to a head.
+        own_order: whether it is handed them in the avatar's own order, from which it may learn something, instead of sorted.
     """
 
     name: str
@@ -148,6 +149,7 @@ class Peer:
     limit_s: float = 300.0
     count: Callable[[Parts], int] = lambda parts: sum(map(len, parts.values()))
     needs_head: bool = False
+    own_order: bool = False
 
     def settings_for(self, few: bool, sh_degree: int, bound: bool) -> tuple[Setting, ...]:
         """Give the operating points, of those that differ only in their domain one where there is no head: then all stand in the world."""

@@ -63,7 +63,8 @@ def try_codec(
         SachaError: the codec failed, or gave back another avatar.
     """
     peer, ground = find_peer(name), Ground(head, motion, bound)
-    given = ground.to_domain(gaussians if peer.lossless else visible(gaussians), setting.domain)
+    chosen = gaussians if peer.lossless else visible(gaussians)
+    given = chosen if peer.own_order else ground.to_domain(chosen, setting.domain)
     _ = ground.place if bound else None  # known beforehand, not part of the times
     begun = time.perf_counter()
     parts = peer.encode(given, ground, setting)

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from sacha_core.animation.splat_binding import subdivided
 from sacha_core.animation.standing import Standing
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.bench.codec_free import free_subject
 from sacha_core.bench.codec_scene import Extent, judge, make_scene, scene_of
 from sacha_core.bench.scenes import made_avatar
+from sacha_core.codec import encode
 from sacha_core.errors import OptionError
 from sacha_core.evaluate.peers import frames, gpcc, splat_transform
 from sacha_core.evaluate.peers.peer import Ground, Peer, PeerError, Setting, visible
 from sacha_core.evaluate.peers.registry import PEERS, find_peer
 from sacha_core.evaluate.peers.trial import Trials, try_codec
+from sacha_core.flame.open import open_head
 from sacha_core.interchange.splat_ply import read_world_ply, write_world_ply
 from sacha_core.raster.rasteriser import Rasteriser
 
@@ -96,6 +100,20 @@ def rows_of(gaussians: Gaussians) -> list[list[float]]:
     parts = [gaussians.position, gaussians.log_scale, gaussians.quaternion, gaussians.opacity_logit, gaussians.sh_dc,
              gaussians.sh_rest, gaussians.binding]  # fmt: skip
     return np.concatenate([np.asarray(part, np.float64).reshape(n, -1) for part in parts], axis=1).tolist()
+
+
+def test_ours_takes_an_avatar_as_encode_does() -> None:
+    """Oracle: `encode` itself, on a head's vertices, which it knows by their order."""
+    head = open_head("synthetic")
+    binding = subdivided(head).binding
+    some = made_avatar(len(binding), 0, 1)[0].gaussians
+    avatar = Avatar(replace(some, binding=binding, opacity_logit=np.full(len(some), 2, np.float32)), head.reference)
+    trial = try_codec("sacha-rules", avatar.gaussians, head, Setting("level 2", "local", {"level": 2}))
+    assert trial.parts["file"] == encode(avatar, 2, head=head)
+    mixed = avatar.gaussians.select(np.random.default_rng(0).permutation(len(some)))
+    assert (
+        len(encode(replace(avatar, gaussians=mixed), 2, head=head)) > trial.n_bytes
+    )  # the order does tell it something
 
 
 @pytest.mark.parametrize("inter", [False, True])
