@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -32,6 +34,28 @@ settings.register_profile(
     database=None,
 )
 settings.load_profile("sacha")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _no_heads_of_the_user(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep what is made once for all tests apart from the user's heads; such fixtures come before those of a file."""
+    with own_heads(tmp_path_factory):
+        yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _own_heads(_no_heads_of_the_user: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep the heads that one file of tests uses apart from those of other files, whatever ran before it."""
+    with own_heads(tmp_path_factory):
+        yield
+
+
+@contextmanager
+def own_heads(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep heads in a new folder for as long as this lasts."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SACHA_HEADS", str(tmp_path_factory.mktemp("heads")))
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,14 +28,6 @@ class Outcome:
 
 
 Call = Callable[..., Outcome]
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _own_head_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep the tests' heads apart from the user's."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SACHA_HEADS", str(tmp_path_factory.mktemp("heads")))
-        yield
 
 
 @pytest.fixture(scope="session")
