@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import fields, replace
-from itertools import pairwise
+from contextlib import nullcontext
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from sacha_core.bench.stability.poison import spoiled_gradients
 from sacha_core.progress import silent
-from sacha_core.raster.kernels.project_backward import project_backward
-from sacha_core.raster.rasteriser import Frame
-from sacha_core.raster.splats import SplatGradients
-from sacha_core.train import gradients
 from sacha_core.train.cpu_engine import CpuEngine
 from sacha_core.train.faults import CAUSES, LARGEST_GRADIENT, Fault, Faults
-from sacha_core.train.gradients import WIDTHS, GaussianGradients
-from sacha_core.train.kernels.take_view import take_view
+from sacha_core.train.gradients import WIDTHS
 from sacha_core.train.loop import Run, train
 from sacha_core.train.options import LearningRates, TrainOptions
 from sacha_core.train.presets import scaled
 from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION
 
 OPTIONS = TrainOptions(threads=2, sh_degree=1, device="cpu")
-SLOPES = len(fields(SplatGradients))  # arrays that `project_backward` writes, its last arguments
 SPLATS_OF = {
     "position": "means", "log_scale": "scales", "quaternion": "quaternions", "opacity_logit": "opacities", "sh_dc": "colours",
 }  # fmt: skip
@@ -57,33 +51,9 @@ def changed(run: Run, before: dict[str, np.ndarray]) -> list[str]:
     return [name for name, array in everything(run).items() if not np.array_equal(array, before[name])]
 
 
-def take_projected(first, last, rows_of, n, scratch, projecting, *rest):
-    """Do what `take_view` does with gradients that are there already: what it projects itself goes elsewhere."""
-    elsewhere = (*projecting[:-SLOPES], *map(np.empty_like, projecting[-SLOPES:]))
-    return take_view(first, last, rows_of, n, scratch, elsewhere, *rest)
-
-
-def spoil_gradients(patch, spoil: Callable[[Frame, SplatGradients], None]) -> None:
-    """Have `spoil` change what comes back from the projection, before anybody else sees it."""
-    add_view = GaussianGradients.add_view
-
-    def spoilt(self, frame, half_way, *rest):
-        for first, last in pairwise(half_way.chunks):
-            project_backward(first, last, half_way.scratch[0], *half_way.arguments)
-        spoil(frame, half_way.slopes)
-        with patch.context() as inner:
-            inner.setattr(gradients, "take_view", take_projected)
-            inner.setattr(gradients, "project_backward", lambda *_: None)
-            add_view(self, frame, half_way, *rest)
-
-    patch.setattr(GaussianGradients, "add_view", spoilt)
-
-
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e12 * LARGEST_GRADIENT])
 @pytest.mark.parametrize("name", SPLATS_OF)
-def test_a_gradient_that_is_not_finite_changes_nothing_and_is_told_with_its_first_row(
-    run, monkeypatch, name, value
-) -> None:
+def test_a_gradient_that_is_not_finite_changes_nothing_and_is_told_with_its_first_row(run, name, value) -> None:
     spoilt_rows = []
 
     def spoil(frame, slopes):
@@ -95,8 +65,7 @@ def test_a_gradient_that_is_not_finite_changes_nothing_and_is_told_with_its_firs
         spoilt_rows.append(int(rows[7]))
 
     before = everything(run)
-    with monkeypatch.context() as patch:
-        spoil_gradients(patch, spoil)
+    with spoiled_gradients(spoil):
         run.iterate()
         run.iterate()
     assert changed(run, before) == []
@@ -152,9 +121,7 @@ def test_density_control_goes_on_where_a_step_was_skipped(tiny, tmp_path, monkey
         slopes.means[np.flatnonzero(frame.visible)[0]] = np.nan
 
     def spoilt(self, iteration, targets, degree):
-        with monkeypatch.context() as patch:
-            if iteration in bad:
-                spoil_gradients(patch, poison)
+        with spoiled_gradients(poison) if iteration in bad else nullcontext():
             differentiate(self, iteration, targets, degree)
 
     monkeypatch.setattr(CpuEngine, "differentiate", spoilt)

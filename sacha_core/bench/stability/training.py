@@ -10,16 +10,15 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 
 from sacha_core.bench.stability.captures import trained
 from sacha_core.bench.stability.case import Case, Findings
 from sacha_core.bench.stability.chain import DEGREE, Chain, chain
+from sacha_core.bench.stability.poison import spoiled_gradients
 from sacha_core.bench.stability.tiny import capture_of, eventful, ring, tiny_head
-from sacha_core.raster.rasteriser import Rasteriser
+from sacha_core.raster.rasteriser import Frame
 from sacha_core.raster.splats import SplatGradients
 from sacha_core.train.cpu_engine import CpuEngine
 from sacha_core.train.faults import Fault, Faults
@@ -154,15 +153,13 @@ def _step(engine: CpuEngine, made: Chain, rates: dict[str, float], iteration: in
 def _poison(parameter: str, value: float, nth: int) -> Iterator[None]:
     """Let the rasteriser write a value into one number of what it gives back the n-th time."""
     array, column = POISONED[parameter]
-    healthy, calls = Rasteriser.backward, count(1)
+    calls = count(1)
 
-    def backward(self: Rasteriser, *args: Any, **kwargs: Any) -> SplatGradients:
-        gradients = healthy(self, *args, **kwargs)
+    def spoil(_: Frame, gradients: SplatGradients) -> None:
         if next(calls) == nth:
             getattr(gradients, array)[(ROW,) if column is None else (ROW, column)] = value
-        return gradients
 
-    with patch.object(Rasteriser, "backward", backward):
+    with spoiled_gradients(spoil):
         yield
 
 
