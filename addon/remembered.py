@@ -15,7 +15,7 @@ from .features import session_number
 
 __all__ = ["Remembered", "remember"]
 
-COLLECTIONS = {"MESH": "meshes", "OBJECT": "objects", "SCENE": "scenes"}
+COLLECTIONS = {"Mesh": "meshes", "Object": "objects", "Scene": "scenes"}  # class -> where in `bpy.data`
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Remembered:
     """One data block.
 
     Args:
-        kind: `id_type` of it.
+        kind: the name of its class.
         name: what it was called when it was remembered.
         number: Blender's number of it, its own while Blender runs, after undo too; None where Blender tells none: then the name has to do.
     """
@@ -58,4 +58,4 @@ class Remembered:
 
 def remember(block: bpy.types.Mesh | bpy.types.Object | bpy.types.Scene) -> Remembered:
     """Remember a data block."""
-    return Remembered(block.id_type, block.name, session_number(block))
+    return Remembered(type(block).__name__, block.name, session_number(block))
