@@ -97,8 +97,9 @@ def point(x: int, y: int, *more: str) -> None:
 
 
 def take(name: str) -> Callable[[], None]:
-    """Make a step that takes a screenshot."""
-    return lambda: bpy.ops.screen.screenshot(filepath=str(Path(FOLDER) / f"{name}.png"))
+    """Make a step that takes a screenshot, of the whole display: what Blender itself reads of its window is black with some drivers."""
+    command = ["import", "-window", "root", str(Path(FOLDER) / f"{name}.png")]
+    return lambda: subprocess.run(command, check=True, stdin=subprocess.DEVNULL)
 
 
 def show(view: str) -> Callable[[], None]:

@@ -22,7 +22,7 @@ from test_executable import clean_variables
 __all__ = ["main"]
 
 TIME_LIMIT_S = 300
-DISPLAY = ("xvfb", "xauth", "xdotool")
+DISPLAY = ("xvfb", "xauth", "xdotool", "imagemagick")
 SIZE = (1600, 1200)
 
 
@@ -33,7 +33,7 @@ def main(arguments: list[str]) -> int:
     try:
         install_all()
         blender, extension = executable(), build()
-        if None in map(shutil.which, ("xvfb-run", "xdotool")):
+        if None in map(shutil.which, ("xvfb-run", "xdotool", "import")):
             install_packages(list(DISPLAY), f"no virtual display: apt-get install {' '.join(DISPLAY)}")
     except UnavailableError as error:
         sys.exit(f"No screenshots: {error}")
