@@ -16,15 +16,12 @@ if TYPE_CHECKING:
     from sacha_core.cli.console import Console
     from sacha_core.cli.encode import Options
     from sacha_core.flame.model import HeadModel
-    from sacha_core.rate.encoding import RenderingEncoder
-    from sacha_core.rate.target import Reached
     from sacha_core.train.views import Target
 
 __all__ = ["Made", "make", "require_consistent", "sightless"]
 
 USUAL_LEVEL = 2
 LEARNED, MOST_POWER = "learned", 16  # weights by what training learnt
-FINER_STEP, MOST_STEPS = 0.04, 12  # levels: how a fitted file that came out too large is made smaller
 
 
 class Made(NamedTuple):
@@ -64,8 +61,11 @@ def require_consistent(options: Options) -> None:
     for name in (*given, fitting, "--weights" if options.weights else None):
         if name is not None and plain is not None:
             raise OptionError(f"{name} has the encoder look at pictures, which {plain} does not; expected one of them")
-    if fitting is not None and options.target_psnr is not None:
-        raise OptionError(f"{fitting} with --target-psnr is not possible; expected a level or --target-size with it")
+    if options.dataset is not None and options.target_psnr is not None:
+        raise OptionError(
+            "--dataset with --target-psnr is not possible: the file leaves the uncompressed avatar for the capture;"
+            " expected a level or --target-size with it"
+        )
 
 
 def sightless(options: Options) -> str | None:
@@ -121,15 +121,14 @@ def make_by_rendering(options: Options, avatar: Avatar, head: HeadModel, console
     from sacha_core.rate.target import encode_to_psnr, encode_to_size, parse_size
 
     factors = region_factors(options.weights, avatar, head, options.scheme)
+    if options.tune or options.dataset is not None:
+        return fitted(options, avatar, head, factors, console)
     encoder = RenderingEncoder(avatar, head, options.embed_head, factors=factors)
     if options.target_psnr is not None:
         near = encode_to_psnr(encoder, Judge(avatar, head), options.target_psnr, console.report)
         return Made(near.encoded.data, near.psnr_db, near.n_trials)
-    most = None if options.target_size is None else parse_size(options.target_size)
-    reached = encode_to_size(encoder, most, console.report) if most is not None else None
-    if options.tune or options.dataset is not None:
-        return fitted(options, avatar, head, encoder, reached, most, console)
-    if reached is not None:
+    if options.target_size is not None:
+        reached = encode_to_size(encoder, parse_size(options.target_size), console.report)
         return Made(reached.encoded.data, None, reached.n_trials)
     assert options.level != "archive"
     return Made(encoder.encode(options.level).data)
@@ -200,32 +199,23 @@ def learned_factors(
 
 
 def fitted(
-    options: Options,
-    avatar: Avatar,
-    head: HeadModel,
-    encoder: RenderingEncoder,
-    reached: Reached | None,
-    most: int | None,
-    console: Console,
+    options: Options, avatar: Avatar, head: HeadModel, factors: Float[np.ndarray, " n"] | None, console: Console
 ) -> Made:
-    """Fit what is worth its bits through the quantiser, then compress; to keep to a size, a little more coarsely if need be."""
-    from sacha_core.codec import encode
-    from sacha_core.codec.levels import MIN_QUALITY, level_at, level_named
-    from sacha_core.rate.tuned import tuned
+    """Compress fewer Gaussians, which were fitted through the quantiser."""
+    from sacha_core.rate.target import parse_size
+    from sacha_core.rate.tuned import Tuner
 
     steps = None if options.dataset is None else capture_steps(options.dataset, avatar)
-    assert options.level != "archive"
-    level = level_named(options.level) if reached is None else reached.encoded.level
-    left = encoder.prepare(level)
-    found = tuned(avatar, left, head, steps, report=console.report)
-    trials = 1 if reached is None else reached.n_trials + 1
-    for step in range(MOST_STEPS):
-        at = level if step == 0 else level_at(max(level.quality - FINER_STEP * step, MIN_QUALITY))
-        data = encode(found, at, head=head, embed_head=options.embed_head, importance=left.importance)
-        if most is None or len(data) <= most:
-            return Made(data, None, trials + step)
-    assert reached is not None
-    return Made(reached.encoded.data, None, trials + MOST_STEPS)
+    tuner = Tuner(avatar, head, embed_head=options.embed_head, steps=steps, factors=factors, report=console.report)
+    if options.target_size is None and options.target_psnr is None:
+        assert options.level != "archive"
+        return Made(tuner.at_level(options.level).data)
+    if options.target_psnr is not None:
+        reached = tuner.to_psnr(options.target_psnr)
+    else:
+        assert options.target_size is not None
+        reached = tuner.to_size(parse_size(options.target_size))
+    return Made(reached.encoded.data, reached.psnr_db, reached.n_trials)
 
 
 def capture_steps(dataset: Path, avatar: Avatar) -> Sequence[Sequence[Target]]:

@@ -11,12 +11,11 @@ Source: Bengio, Leonard and Courville, 2013 (straight-through estimator); here w
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Int
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
@@ -26,12 +25,11 @@ from sacha_core.codec.levels import Level
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
 from sacha_core.progress import Progress, Report, silent
+from sacha_core.rate.fitting import Fitting, falling, starting_rates
 from sacha_core.rate.quantised import CODED, quantised
-from sacha_core.rate.squared_loss import squared_loss
 from sacha_core.rate.views import MEASURED_PIXELS
-from sacha_core.train.cpu_engine import CpuEngine
-from sacha_core.train.options import LearningRates, LossOptions, TrainOptions
-from sacha_core.train.state import Arrays, TrainState, initial_state
+from sacha_core.train.options import LearningRates
+from sacha_core.train.state import Arrays
 from sacha_core.train.views import Target
 
 __all__ = ["TuningOptions", "finetune"]
@@ -39,14 +37,6 @@ __all__ = ["TuningOptions", "finetune"]
 REPORT_EVERY = 10
 COLOURS = 3
 RATE = 2.0  # measured: takes 1 to 2 % of the bytes at equal PSNR; 6 little more; 40 costs more than it takes
-ALIKE = LossOptions(sensitivity=0.0, position=0.0, scale=0.0)  # to look like the pictures, and nothing else
-
-
-def starting_rates() -> LearningRates:
-    """Give the learning rates at the start; positions in triangle units."""
-    return LearningRates(
-        position=0.001, log_scale=0.0025, quaternion=0.0005, opacity_logit=0.01, sh_dc=0.00125, sh_rest=0.00006
-    )
 
 
 @dataclass(frozen=True)
@@ -110,79 +100,27 @@ def finetune(
         FormatError: a value left what the format holds.
     """
     options = options or TuningOptions()
-    if avatar.motion is None or not targets:
-        raise OptionError("fine-tuning needs a motion and pictures of it")
-    order = np.argsort(avatar.gaussians.binding, kind="stable")  # training wants them by triangle
-    back = np.argsort(order)  # the encoder looks at the order in which they were given
-    state = initial_state(avatar.gaussians.select(order), avatar.motion, 1, 1.0, 0.0)
-    engine = engine_for(avatar, head, options)
-    engine.put(state)
+    fitting = Fitting(avatar, head, targets, options.loss, options.threads, options.seed)
     decoded: Arrays = {}
     costs: Arrays = {}
-    for done, step in enumerate(shuffled(targets, options)):
+    for done in range(options.iterations if len(avatar.gaussians) else 0):
         if done % options.refresh == 0:
-            current = replace(avatar, gaussians=state.gaussians().select(back))
-            seen = quantised(current, head, level, importance).gaussians.select(order)
-            decoded = {name: np.ascontiguousarray(getattr(seen, name), np.float32) for name in CODED}
+            current = replace(avatar, gaussians=fitting.gaussians())
+            seen = quantised(current, head, level, importance).gaussians
+            decoded = {name: getattr(seen, name) for name in CODED}
             if options.rate > 0 and options.loss == "squared" and importance is not None:
-                costs = rate_slopes(current.gaussians, head, level, importance, options.rate, order)
-        learn(engine, state, decoded, costs, done, step, options)
+                costs = rate_slopes(current.gaussians, head, level, importance, options.rate)
+        fitting.step(options.rates, falling(done, options.iterations), decoded, costs)
         if done % REPORT_EVERY == 0:
             report(Progress("fine-tune", done, options.iterations))
     report(Progress("fine-tune", options.iterations, options.iterations))
-    return state.gaussians().select(back)
-
-
-def engine_for(avatar: Avatar, head: HeadModel, options: TuningOptions) -> CpuEngine:
-    """Give what differentiates pictures."""
-    assert avatar.motion is not None
-    train = TrainOptions(losses=ALIKE, fine_tune=False, threads=options.threads, device="cpu")
-    return CpuEngine(head, avatar.motion, train, squared_loss if options.loss == "squared" else None)
-
-
-def shuffled(targets: Sequence[Sequence[Target]], options: TuningOptions) -> Iterator[Sequence[Target]]:
-    """Give as many steps as there shall be, each round in an order of its own."""
-    rng = np.random.default_rng([options.seed, 3])
-    order: list[int] = []
-    for _ in range(options.iterations):
-        order = order or rng.permutation(len(targets)).tolist()
-        yield targets[order.pop()]
+    return fitting.gaussians()
 
 
 def rate_slopes(
-    gaussians: Gaussians,
-    head: HeadModel,
-    level: int | Level,
-    importance: GaussianImportance,
-    rate: float,
-    order: Int[np.ndarray, " n"],
+    gaussians: Gaussians, head: HeadModel, level: int | Level, importance: GaussianImportance, rate: float
 ) -> Arrays:
-    """Give the gradient of what bits cost, in mean squared error, in the order of training."""
+    """Give the gradient of what bits cost, in mean squared error."""
     found = bit_gradient(gaussians, head, level, importance)
     price = rate * found.price / (COLOURS * MEASURED_PIXELS)  # whatever the resolution of the pictures learnt from
-    return {
-        name: (price * getattr(found, name)[order]).astype(np.float32) for name in ("position", "log_scale", "sh_dc")
-    }
-
-
-def learn(
-    engine: CpuEngine,
-    state: TrainState,
-    decoded: Arrays,
-    costs: Arrays,
-    done: int,
-    step: Sequence[Target],
-    options: TuningOptions,
-) -> None:
-    """Differentiate what a decoder has, add what bits cost, and let that move what will be encoded."""
-    given = {name: state.values[name] for name in CODED}
-    degree = math.isqrt(1 + state.values["sh_rest"].shape[1]) - 1
-    state.values |= decoded
-    try:
-        engine.differentiate(done + 1, step, degree)
-    finally:
-        state.values |= given
-    engine.add(costs)
-    pace = 0.5 * (1 + math.cos(math.pi * done / options.iterations))
-    rates = {name: getattr(options.rates, name) * pace for name in CODED}
-    engine.advance(rates | {"sensitivity_logit": 0.0}, frozenset())
+    return {name: (price * getattr(found, name)).astype(np.float32) for name in ("position", "log_scale", "sh_dc")}

@@ -14,8 +14,9 @@ from typing import Protocol
 from sacha_core.codec import decode
 from sacha_core.codec.levels import MAX_QUALITY, MIN_QUALITY, Level, level_at
 from sacha_core.errors import OptionError
+from sacha_core.flame.model import HeadModel
 from sacha_core.progress import Progress, Report, silent
-from sacha_core.rate.encoding import Encoded, RenderingEncoder
+from sacha_core.rate.encoding import Encoded
 from sacha_core.rate.judging import Judge
 
 __all__ = ["Reached", "encode_to_psnr", "encode_to_size", "parse_size"]
@@ -58,7 +59,9 @@ def parse_size(text: str) -> int:
 
 
 class Encoder(Protocol):
-    """Whatever gives a file at any level."""
+    """Whatever gives a file of an avatar bound to `head` at any level."""
+
+    head: HeadModel
 
     def encode(self, level: Level) -> Encoded:
         """Encode at a level."""
@@ -86,7 +89,7 @@ def encode_to_size(encoder: Encoder, n_bytes: int, report: Report = silent) -> R
     return Reached(trials.at(max(fitting)), None, len(trials))
 
 
-def encode_to_psnr(encoder: RenderingEncoder, judge: Judge, decibels: float, report: Report = silent) -> Reached:
+def encode_to_psnr(encoder: Encoder, judge: Judge, decibels: float, report: Report = silent) -> Reached:
     """Find the smallest file that reaches a PSNR against the uncompressed avatar, over all views of the protocol.
 
     Searches by an eighth of the views, then holds what it found to all of them and corrects itself.

@@ -27,10 +27,12 @@ __all__ = [
     "MEASURED_PIXELS",
     "PROTOCOL_VIEWS",
     "Shot",
+    "different_frames",
     "measuring_shots",
     "placed",
     "protocol_shots",
     "ring_shots",
+    "spread_shots",
     "stock_motion",
 ]
 
@@ -96,10 +98,25 @@ def measuring_shots(avatar: Avatar, head: HeadModel, n_cameras: int, n_frames: i
         n_frames: poses.
     """
     motion = avatar.motion if avatar.motion is not None and len(avatar.motion) else stock_motion(head)
-    times = different_frames(motion, n_frames)
+    return spread_shots(avatar, head, motion, different_frames(motion, n_frames), n_cameras, 0.5)
+
+
+def spread_shots(
+    avatar: Avatar, head: HeadModel, motion: Motion, times: Sequence[int], n_cameras: int, share: float = 1.0
+) -> tuple[Shot, ...]:
+    """Give views of frames of a motion: other cameras for each, as in `measuring_shots`.
+
+    Args:
+        avatar: whose Gaussians tell where the middle is.
+        head: the head that it is bound to.
+        motion: whose frames are posed.
+        times: which of them.
+        n_cameras: for each.
+        share: of the resolution of `protocol_shots`.
+    """
     views = [azimuth_and_elevation(view) for view in range(len(times) * n_cameras)]
     each = [views[place * n_cameras : (place + 1) * n_cameras] for place in range(len(times))]
-    return shots_of(avatar, head, motion, times, each, 0.5)
+    return shots_of(avatar, head, motion, times, each, share)
 
 
 def azimuth_and_elevation(view: int) -> tuple[float, float]:

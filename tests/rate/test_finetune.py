@@ -26,7 +26,7 @@ SAME_PICTURE_DB = 75.0  # quaternions rounded another way, which may move an edg
 
 
 def test_tuned_file_looks_more_like_the_avatar_at_the_same_size(avatar, head):
-    poses, steps = own_pictures(avatar, head, 4, 3)
+    poses, steps = own_pictures(avatar, head, 4, 3, 0, 0.5)
     posed = replace(avatar, motion=poses)
     tuned = replace(avatar, gaussians=finetune(posed, head, LEVEL, steps, options=TuningOptions(80)))
     files = [encode(one, LEVEL, head=head) for one in (avatar, tuned)]
@@ -47,7 +47,7 @@ def test_tuned_file_looks_more_like_the_avatar_at_the_same_size(avatar, head):
 
 def test_file_is_smaller_where_its_bits_count(avatar, head):
     """Oracle: the encoder. Bits that count a hundred times what they are worth are saved, whatever becomes of pictures."""
-    poses, steps = own_pictures(avatar, head, 2, 2)
+    poses, steps = own_pictures(avatar, head, 2, 2, 0, 0.5)
     posed, importance = replace(avatar, motion=poses), importance_of(avatar, head)
     sizes = []
     for rate in (0.0, 100.0):
@@ -57,7 +57,7 @@ def test_file_is_smaller_where_its_bits_count(avatar, head):
 
 
 def test_threads_change_nothing(avatar, head):
-    poses, steps = own_pictures(avatar, head, 2, 1)
+    poses, steps = own_pictures(avatar, head, 2, 1, 0, 0.5)
     posed = replace(avatar, motion=poses)
     one, two = (finetune(posed, head, LEVEL, steps, options=TuningOptions(6, 3, threads=n)) for n in (1, 2))
     for name in ("position", "log_scale", "quaternion", "opacity_logit", "sh_dc", "sh_rest"):
