@@ -9,12 +9,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.codec import decode, inspect
-from sacha_core.codec.encoder import encode_traced
-from sacha_core.codec.importance import GaussianImportance
 from sacha_core.codec.levels import Level, level_at
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
@@ -23,6 +21,7 @@ from sacha_core.rate.capture_error import capture_error
 from sacha_core.rate.curvature import importance_of
 from sacha_core.rate.encoding import Encoded, RenderingEncoder
 from sacha_core.rate.finetune import TuningOptions, finetune
+from sacha_core.rate.fitted_encoder import FittedEncoder
 from sacha_core.rate.fitting import Fitting
 from sacha_core.rate.goal import Goal, SameQuality, SameSize
 from sacha_core.rate.judging import Judge
@@ -31,39 +30,7 @@ from sacha_core.rate.target import DB_PER_LEVEL, DB_TOLERANCE, Reached, Trials, 
 from sacha_core.rate.thinning import Outlook, ThinningOptions, fit, thin
 from sacha_core.train.views import Target
 
-__all__ = ["FittedEncoder", "Tuner", "encode_tuned"]
-
-
-class FittedEncoder:
-    """Encodes what was fitted, at any level near the one that it was fitted for.
-
-    Args:
-        avatar: the m Gaussians that are left.
-        head: that it is bound to.
-        embed_head: add the head itself to the files.
-        importance: of these.
-        rows: (m,) which Gaussians of the whole avatar they were.
-        quality: of the level that they were fitted for.
-    """
-
-    def __init__(
-        self,
-        avatar: Avatar,
-        head: HeadModel,
-        embed_head: bool,
-        importance: GaussianImportance,
-        rows: Int[np.ndarray, " m"],
-        quality: float,
-    ) -> None:
-        self._avatar, self.head, self._embed = avatar, head, embed_head
-        self._importance, self._rows, self.quality = importance, rows, quality
-
-    def encode(self, level: Level) -> Encoded:
-        """Encode at a level."""
-        data, order = encode_traced(
-            self._avatar, level, head=self.head, embed_head=self._embed, importance=self._importance
-        )
-        return Encoded(data, level, self._rows[order])
+__all__ = ["Tuner", "encode_tuned"]
 
 
 class Tuner:

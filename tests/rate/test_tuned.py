@@ -11,7 +11,6 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.codec import decode
 from sacha_core.errors import OptionError
-from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.perception.psnr import psnr
 from sacha_core.raster.scene import render_avatar
 from sacha_core.rate.encoding import RenderingEncoder
@@ -25,21 +24,16 @@ from sacha_core.rate.tuned import Tuner
 from sacha_core.rate.views import protocol_shots
 
 LEVEL = 1
-SHORT = ThinningOptions(share=0.3, iterations=40, last_iterations=60, rounds=3)
+SHORT = ThinningOptions(share=0.25, iterations=40, last_iterations=60, rounds=4)
 HARDLY = ThinningOptions(share=0.3, iterations=3, last_iterations=3, rounds=1)
 SAVED = 0.92  # of the bytes of the plain file, at most; 0.85 is typical of so few steps
-WORSE_DB = 0.15  # by other views than those by which the file was chosen
+WORSE_DB = 0.3  # by 15 other views than the 24 by which the file was chosen
 COLUMNS = ("position", "log_scale", "quaternion", "opacity_logit", "sh_dc", "sh_rest")
 
 
 @pytest.fixture(scope="module")
-def head():
-    return synthetic_head("small")
-
-
-@pytest.fixture(scope="module")
-def avatar(head):
-    """Give two Gaussians a triangle where one would do nearly as well."""
+def crowded(head):
+    """Give an avatar of two Gaussians a triangle where one would do nearly as well."""
     rng = np.random.default_rng(8)
     one = initial_gaussians(head.n_faces, rng, 1)
     n, f4 = len(one), np.float32
@@ -55,67 +49,67 @@ def avatar(head):
     return Avatar(replace(both, position=moved), head.reference)
 
 
-def held_out_psnr(avatar, head, data):
+def held_out_psnr(crowded, head, data):
     back = decode(data, head=head).gaussians
     found = []
-    for shot in protocol_shots(avatar, head, 5, 0.5):
+    for shot in protocol_shots(crowded, head, 5, 0.5):
         for camera in shot.cameras[2::5]:
-            pictures = [render_avatar(one, shot.frames, camera).colour for one in (avatar.gaussians, back)]
+            pictures = [render_avatar(one, shot.frames, camera).colour for one in (crowded.gaussians, back)]
             found.append(psnr(*pictures))
     return np.mean(found)
 
 
-def test_file_is_smaller_and_as_good_as_the_plain_one(avatar, head):
-    plain = RenderingEncoder(avatar, head).encode(LEVEL)
-    found = Tuner(avatar, head, options=TuningOptions(40), thinning=SHORT).at_level(LEVEL)
+def test_file_is_smaller_and_as_good_as_the_plain_one(crowded, head):
+    plain = RenderingEncoder(crowded, head).encode(LEVEL)
+    found = Tuner(crowded, head, options=TuningOptions(40), thinning=SHORT).at_level(LEVEL)
     assert len(found.data) < SAVED * len(plain.data)
-    assert held_out_psnr(avatar, head, found.data) > held_out_psnr(avatar, head, plain.data) - WORSE_DB
+    assert held_out_psnr(crowded, head, found.data) > held_out_psnr(crowded, head, plain.data) - WORSE_DB
     back = decode(found.data, head=head).gaussians
-    np.testing.assert_array_equal(back.binding, avatar.gaussians.binding[found.rows])  # each is one of those given
+    np.testing.assert_array_equal(back.binding, crowded.gaussians.binding[found.rows])  # each is one of those given
     assert len(np.unique(found.rows)) == len(back) < len(plain.rows)
 
 
-def test_size_is_kept_by_a_file_no_worse_than_the_plain_one(avatar, head):
+def test_size_is_kept_by_a_file_no_worse_than_the_plain_one(crowded, head):
     n_bytes = 2000
-    found = Tuner(avatar, head, options=TuningOptions(10), thinning=HARDLY).to_size(n_bytes).encoded
+    found = Tuner(crowded, head, options=TuningOptions(10), thinning=HARDLY).to_size(n_bytes).encoded
     assert 0.95 * n_bytes < len(found.data) <= n_bytes
-    plain = encode_to_size(RenderingEncoder(avatar, head), n_bytes).encoded
-    assert held_out_psnr(avatar, head, found.data) > held_out_psnr(avatar, head, plain.data) - WORSE_DB
+    plain = encode_to_size(RenderingEncoder(crowded, head), n_bytes).encoded
+    assert held_out_psnr(crowded, head, found.data) > held_out_psnr(crowded, head, plain.data) - WORSE_DB
 
 
-def test_quality_is_reached_and_not_by_much_more(avatar, head):
+def test_quality_is_reached_and_not_by_much_more(crowded, head):
     """Oracle: the judge's measure over all views of what comes out of the decoder."""
-    found = Tuner(avatar, head, options=TuningOptions(10), thinning=HARDLY).to_psnr(35.0)
-    reached = Judge(avatar, head).full(decode(found.encoded.data, head=head).gaussians)
+    found = Tuner(crowded, head, options=TuningOptions(10), thinning=HARDLY).to_psnr(35.0)
+    reached = Judge(crowded, head).full(decode(found.encoded.data, head=head).gaussians)
     assert found.psnr_db == reached
     assert 35.0 <= reached < 35.6
 
 
 @pytest.mark.parametrize("n", [0, 1])
-def test_next_to_nothing_is_compressed_as_it_is(avatar, head, n):
-    few = replace(avatar, gaussians=avatar.gaussians.select(np.arange(n)))
+def test_next_to_nothing_is_compressed_as_it_is(crowded, head, n):
+    few = replace(crowded, gaussians=crowded.gaussians.select(np.arange(n)))
     found = Tuner(few, head, thinning=HARDLY).at_level(LEVEL)
     assert len(decode(found.data, head=head).gaussians) <= n
     assert len(found.data) <= len(RenderingEncoder(few, head).encode(LEVEL).data)
 
 
-def test_what_nobody_sees_is_compressed_as_it_is(avatar, head):
-    n = len(avatar.gaussians)
-    unseen = replace(avatar, gaussians=replace(avatar.gaussians, opacity_logit=np.full(n, -20, np.float32)))
+def test_what_nobody_sees_is_compressed_as_it_is(crowded, head):
+    n = len(crowded.gaussians)
+    unseen = replace(crowded, gaussians=replace(crowded.gaussians, opacity_logit=np.full(n, -20, np.float32)))
     found = Tuner(unseen, head, thinning=HARDLY).at_level(LEVEL)
     assert not len(found.rows)
 
 
-def test_threads_change_no_byte(avatar, head):
-    tuners = [Tuner(avatar, head, options=TuningOptions(5, threads=n), thinning=HARDLY) for n in (1, 2)]
+def test_threads_change_no_byte(crowded, head):
+    tuners = [Tuner(crowded, head, options=TuningOptions(5, threads=n), thinning=HARDLY) for n in (1, 2)]
     files = [tuner.at_level(LEVEL).data for tuner in tuners]
     assert files[0] == files[1]
 
 
-def test_those_kept_are_the_ones_that_were_named(avatar, head):
-    """Oracle: the avatar itself, of which a step without rates changes nothing."""
-    shuffled = np.random.default_rng(3).permutation(len(avatar.gaussians))
-    given = replace(avatar, gaussians=avatar.gaussians.select(shuffled))  # not by triangle
+def test_those_kept_are_the_ones_that_were_named(crowded, head):
+    """Oracle: the crowded itself, of which a step without rates changes nothing."""
+    shuffled = np.random.default_rng(3).permutation(len(crowded.gaussians))
+    given = replace(crowded, gaussians=crowded.gaussians.select(shuffled))  # not by triangle
     motion, steps = own_pictures(given, head, 1, 1, 0, 0.25)
     fitting = Fitting(replace(given, motion=motion), head, steps)
     places = np.random.default_rng(4).choice(len(shuffled), 40, replace=False)
