@@ -87,8 +87,8 @@ class Options:
     """Change any option by its name: pruning.ratio=0.3 density.means=visible. `sacha train --list-options` tells all."""
 
     finetune_level: Annotated[MaybeLevel, tyro.conf.arg(metavar="1|2|3|4", help_behavior_hint="")] = None
-    """After training, fit the avatar through the quantiser of this level, and write level-N.sacha into the folder: half a decibel to
-    two more than `sacha encode MODEL --level N` gives at the same size."""
+    """After training, leave out what other Gaussians make up for, fit these to the capture through the quantiser, and write
+    level-N.sacha into the folder: as near to the capture as what `sacha encode MODEL --level N` gives, in fewer bytes."""
 
     timings: bool = False
     """Tell at the end where an iteration's time went."""

@@ -5,6 +5,8 @@ Source: own.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Int
 
@@ -28,6 +30,7 @@ class FittedEncoder:
         importance: of these.
         rows: (m,) which Gaussians of the whole avatar they were.
         quality: of the level that they were fitted for.
+        number: that files name as their level, of 1 to 4; None for the nearest.
     """
 
     def __init__(
@@ -38,12 +41,15 @@ class FittedEncoder:
         importance: GaussianImportance,
         rows: Int[np.ndarray, " m"],
         quality: float,
+        number: int | None = None,
     ) -> None:
         self._avatar, self.head, self._embed = avatar, head, embed_head
         self._importance, self._rows, self.quality = importance, rows, quality
+        self._number = number
 
     def encode(self, level: Level) -> Encoded:
         """Encode at a level."""
+        level = level if self._number is None else replace(level, number=self._number)
         data, order = encode_traced(
             self._avatar, level, head=self.head, embed_head=self._embed, importance=self._importance
         )

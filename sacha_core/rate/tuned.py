@@ -79,7 +79,7 @@ class Tuner:
         if not len(plain.rows):
             return plain
         aim = self._quick(plain)
-        fitted = self._fitted(plain, SameQuality(aim))
+        fitted = self._fitted(plain, SameQuality(aim), plain.level.number)
         best = self._smallest(fitted, aim) if self._steps is None else fitted.encode(level_at(fitted.quality))
         if best is None or len(best.data) >= len(plain.data) or self._strays(best, plain):
             return plain
@@ -121,7 +121,7 @@ class Tuner:
             return plain
         return replace(found, n_trials=plain.n_trials + found.n_trials)
 
-    def _fitted(self, plain: Encoded, goal: Goal) -> FittedEncoder:
+    def _fitted(self, plain: Encoded, goal: Goal, number: int | None = None) -> FittedEncoder:
         """Leave out what others make up for, and fit these."""
         avatar, head = self._avatar, self._head
         there = replace(avatar, gaussians=avatar.gaussians.select(np.sort(plain.rows)))
@@ -144,7 +144,7 @@ class Tuner:
             steps, posed = self._steps, replace(posed, motion=avatar.motion)
         gaussians = finetune(posed, head, level_at(thinned.quality), steps, importance, how, self._report)
         left = replace(avatar, gaussians=gaussians)
-        return FittedEncoder(left, head, self._embed, importance, rows, thinned.quality)
+        return FittedEncoder(left, head, self._embed, importance, rows, thinned.quality, number)
 
     def _smallest(self, fitted: FittedEncoder, decibels: float) -> Encoded | None:
         """Give the smallest file that reaches a PSNR over the views that are quickly looked at; None where none does."""
