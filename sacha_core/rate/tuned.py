@@ -96,7 +96,10 @@ class Tuner:
             return plain
         found = inspect(plain.encoded.data)
         room = max(n_bytes - (found.total_bytes - found.gaussian_bytes), 1)
-        fitted = encode_to_size(self._fitted(plain.encoded, SameSize(room)), n_bytes, self._report)
+        try:
+            fitted = encode_to_size(self._fitted(plain.encoded, SameSize(room)), n_bytes, self._report)
+        except OptionError:  # so small that fitting, which bits hardly bind, makes it too large
+            return plain
         worse = self._quick(fitted.encoded) < self._quick(plain.encoded) if self._steps is None else False
         if worse or self._strays(fitted.encoded, plain.encoded):
             return plain
