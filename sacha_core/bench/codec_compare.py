@@ -140,7 +140,8 @@ def notes(preset: Preset, subjects: Sequence[Subject]) -> tuple[str, ...]:
         "of all that describes the Gaussians, bindings included."
     )
     given = (
-        "Lossy codecs are given the Gaussians that a renderer draws at all (opacity of 1/255 or more), sorted along the head. Curves join "
-        "the best points of each codec, whatever domain they come from. Times are wall time, of programs with their start."
+        "Lossy codecs are given the Gaussians that a renderer draws at all (opacity of 1/255 or more), sorted along the head, ours in "
+        "their own order. Curves join the best points of each codec, whatever domain they come from. Times are wall time, of programs "
+        "with their start."
     )
     return (pictures, given, *(subject.note for subject in subjects if subject.note))
