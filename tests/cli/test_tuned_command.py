@@ -5,6 +5,8 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import pytest
+
 # What fitting promises is a file nearer to the pictures of the cameras that the model was trained by. In expressions that it never saw,
 # by those cameras, models of three seeds gained 1.3 to 1.6 dB. A camera that is held out from two, after a hundred iterations that left
 # everything rough, is promised nothing: it saw -0.21, +0.17 and +0.21 dB. So there it is held not to be spoiled, and no more.
@@ -36,3 +38,10 @@ def test_model_alone_says_nothing_of_tuning(done, capture: Path, model: Path, tm
     shutil.copytree(model, folder)
     assert done("train", capture, "-o", folder, "--iterations", 100, "--sh-degree", 1).report["tuned"] is None
     assert not list(folder.glob("*.sacha"))
+
+
+@pytest.mark.slow
+def test_tuned_file_keeps_to_a_size(done, model: Path, tmp_path: Path) -> None:
+    file = tmp_path / "a.sacha"
+    report = done("encode", model, "--tune", "--target-size", "3KB", "-o", file).report
+    assert 0.9 * 3000 < report["bytes"]["total"] == file.stat().st_size <= 3000

@@ -67,6 +67,7 @@ def held_out_psnr(crowded, head, data):
     return np.mean(found)
 
 
+@pytest.mark.slow
 def test_file_is_smaller_and_as_good_as_the_plain_one(crowded, head):
     plain = RenderingEncoder(crowded, head).encode(LEVEL)
     found = Tuner(crowded, head, options=TuningOptions(40), thinning=SHORT).at_level(LEVEL)
@@ -85,6 +86,7 @@ def test_size_is_kept_by_a_file_no_worse_than_the_plain_one(sparse, head):
     assert held_out_psnr(sparse, head, found.data) > held_out_psnr(sparse, head, plain.data) - WORSE_DB
 
 
+@pytest.mark.slow
 def test_quality_is_reached_and_not_by_much_more(sparse, head):
     """Oracle: the judge's measure over all views of what comes out of the decoder."""
     found = Tuner(sparse, head, options=TuningOptions(10), thinning=HARDLY).to_psnr(35.0)
