@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from sacha_core.bench.codec_rows import EQUAL_DB, Judged, curve_of, equal_rows, point_rows
 from sacha_core.bench.codec_scene import Extent, Scene, judge, scene_of
@@ -18,7 +19,7 @@ from sacha_core.evaluate.peers.trial import Trial, Trials
 from sacha_core.progress import Progress, Report
 from sacha_core.raster.rasteriser import Rasteriser
 
-__all__ = ["compare_codecs", "subject_names"]
+__all__ = ["compare_codecs", "sheet_paths", "subject_names"]
 
 UNTOLD = ("model", "point_cloud")  # what training names the folder or the file of its result
 CAMERAS = 16  # of the protocol
@@ -41,7 +42,7 @@ def compare_codecs(comparison: Comparison, preset: Preset, report: Report) -> Be
     rows: list[Row] = [there_row(peer) for peer in chosen]
     names = subject_names(comparison.subjects)
     rasteriser = Rasteriser(preset.threads)
-    for name, subject in zip(names, comparison.subjects, strict=True):
+    for number, (name, subject) in enumerate(zip(names, comparison.subjects, strict=True)):
         scene = scene_of(subject, preset.of(TINY, QUICK, FULL))
         judged = judge_avatar(subject, chosen, scene, preset, rasteriser, report)
         rows += point_rows(name, subject, judged)
@@ -54,9 +55,7 @@ def compare_codecs(comparison: Comparison, preset: Preset, report: Report) -> Be
         curves = {peer.name: curve for peer in chosen if (curve := curve_of(judged, peer.name)) is not None}
         rows += equal_rows(name, curves)
         if comparison.sheet is not None:
-            path = (
-                comparison.sheet if len(names) == 1 else comparison.sheet.with_stem(f"{comparison.sheet.stem}-{name}")
-            )
+            path = sheet_paths(comparison)[number]
             draw_sheet(path, name, subject, scene, judged, rasteriser, comparison.truth)
         if subject.bound:
             codecs, trained = [peer.name for peer in chosen], comparison.frames
@@ -92,6 +91,14 @@ def subject_names(subjects: Sequence[Subject]) -> list[str]:
         if len(set(names)) == len(names):
             return names
     return [f"{index + 1}-{part[-1]}" for index, part in enumerate(parts)]
+
+
+def sheet_paths(comparison: Comparison) -> list[Path]:
+    """Give where the sheet of each avatar goes: where it was asked for, by name where there are several; none where it was not."""
+    sheet, names = comparison.sheet, subject_names(comparison.subjects)
+    if sheet is None or len(names) == 1:
+        return [] if sheet is None else [sheet]
+    return [sheet.with_stem(f"{sheet.stem}-{name}") for name in names]
 
 
 def there_row(peer: Peer) -> Row:

@@ -113,8 +113,14 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         return write_page(options, console)
     if options.what == "all":
         return run_all(options, console)
-    record = run_one(options.what, preset(options), console)
+    chosen = preset(options)
+    record = run_one(options.what, chosen, console)
     tell(record, console)
+    if chosen.compared is not None and chosen.compared.sheet is not None:
+        from sacha_core.bench.codec_compare import sheet_paths
+
+        for path in sheet_paths(chosen.compared):
+            console.wrote("sheet", path)
     if options.plot is not None:
         from sacha_core.bench.store import write_picture
 

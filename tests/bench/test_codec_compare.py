@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sacha_core.bench.codec_compare import compare_codecs, subject_names
+from sacha_core.bench.codec_compare import compare_codecs, sheet_paths, subject_names
 from sacha_core.bench.codec_rows import EQUAL_DB, equal_rows
 from sacha_core.bench.codec_scene import Extent, judge, make_scene
 from sacha_core.bench.plot import draw
@@ -67,7 +67,11 @@ def test_the_comparison_is_drawn_and_set_side_by_side(found) -> None:
     bench, sheet = found
     assert len(bench.panels) == 2
     assert draw(bench, "Codecs").startswith(b"\x89PNG")
-    assert {path.name for path in sheet.parent.iterdir()} == {"look-made.png", "look-b.png"}
+    told = sheet_paths(Comparison((subject("a/made.sacha"), subject("b/model")), sheet=sheet))
+    assert [path.name for path in told] == ["look-made.png", "look-b.png"]
+    assert set(sheet.parent.iterdir()) == set(told)
+    assert sheet_paths(Comparison((subject(),), sheet=sheet)) == [sheet]
+    assert sheet_paths(Comparison((subject(),))) == []
 
 
 def test_half_the_bytes_at_every_quality_is_half_at_equal_quality_and_a_rate_of_minus_half() -> None:
