@@ -20,7 +20,7 @@ from build_addon import build
 
 __all__ = ["main"]
 
-TIME_LIMIT_S = 1800  # a run takes four and a half minutes of processor time, and was seen to take 17 on a crowded machine
+TIME_LIMIT_S = 1800  # 4.5 minutes of processor time, which took 17 on a crowded machine
 TESTS = ROOT / "blender_tests"
 
 
