@@ -52,7 +52,7 @@ class SachaMaking(bpy.types.PropertyGroup):
     profile: EnumProperty(name="Profile", description="How the numbers are coded", items=PROFILES)
     tune: BoolProperty(
         name="Tune",
-        description="Leave out Gaussians that others, fitted anew, make up for; takes minutes: a third to half fewer bytes",
+        description="Leave out Gaussians that others, fitted anew, make up for; takes minutes: a quarter to half fewer bytes",
     )
     embed_head: BoolProperty(
         name="Embed Head", description="Put the head into the file too, so that it opens anywhere; the file gets larger"
