@@ -5,6 +5,7 @@ Source: own.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -30,13 +31,16 @@ from sacha_core.codec.order import layout_by_triangle, layout_by_vertex
 from sacha_core.codec.plan import Plan, Prepared, plan_by_rules, plan_by_worth
 from sacha_core.codec.position import encode_position
 from sacha_core.codec.rotation import encode_rotation, sort_axes
-from sacha_core.codec.scale import classes_of, encode_scale, known_classes
+from sacha_core.codec.scale import classes_of, encode_scale, known_classes, scales_in_triangles
 from sacha_core.codec.static import encode_static
 from sacha_core.codec.template import Template, template_of, unknown_template
 from sacha_core.errors import FormatError, MissingHeadError, OptionError, TopologyError
 from sacha_core.flame.model import HeadModel
 
-__all__ = ["GROUP_FRAMES", "encode", "encode_traced", "price_of_a_bit"]
+__all__ = ["GROUP_FRAMES", "Recolour", "encode", "encode_traced", "price_of_a_bit"]
+
+# gives colours of degree 0 to code, (m, 3), for Gaussians otherwise as the decoder will have them, and the row that each was given in
+Recolour = Callable[[Gaussians, Int[np.ndarray, " m"]], Float[np.ndarray, "m 3"]]
 
 GROUP_FRAMES = 50  # 2 s at 25 frames a second; of 100 they cost as much
 VISIBLE = np.log((1 / 255) / (1 - 1 / 255))  # rasterisers skip what covers less than one step of 8 bits
@@ -98,8 +102,12 @@ def encode_traced(
     drop_invisible: bool = True,
     group_frames: int = GROUP_FRAMES,
     importance: GaussianImportance | None = None,
+    recolour: Recolour | None = None,
 ) -> tuple[bytes, Int[np.ndarray, " m"]]:
-    """Compress an avatar as `encode` does; give the bytes, and which of its Gaussians each of the m decoded ones is."""
+    """Compress an avatar as `encode` does; give the bytes, and which of its Gaussians each of the m decoded ones is.
+
+    `recolour` chooses colours when all else is decided, to make up for what that lost; None keeps them.
+    """
     chosen = level if isinstance(level, Level) else level_named(level)
     if not 1 <= group_frames <= 65535:
         raise OptionError(f"group_frames is {group_frames}, expected 1 to 65535")
@@ -115,7 +123,9 @@ def encode_traced(
     gaussians = gaussians.select(keep)
     importance = None if importance is None else importance.select(keep)
     template = template_of(head.v_template, head.faces) if head else unknown_template(avatar.head.n_faces)
-    sections, order = encode_gaussians(gaussians, template, chosen, importance, head)
+    rows = np.flatnonzero(keep)
+    mine = None if recolour is None else lambda decoded, order: recolour(decoded, rows[order])
+    sections, order = encode_gaussians(gaussians, template, chosen, importance, head, mine)
     made = (chosen.number, len(gaussians), gaussians.sh_degree, avatar.head, avatar.scheme)
     header = Header(*made, needs_head=head is not None)
     if avatar.motion is not None:
@@ -123,7 +133,7 @@ def encode_traced(
         sections = [motion_sections[0], *sections, motion_sections[1]]
     if embed_head and head is not None:
         sections.append(Section("head", encode_head(head)))
-    return pack_sections(pad([Section("Header", header.pack()), *sections], header)), np.flatnonzero(keep)[order]
+    return pack_sections(pad([Section("Header", header.pack()), *sections], header)), rows[order]
 
 
 def check_head(avatar: Avatar, head: HeadModel | None, embed_head: bool) -> None:
@@ -165,6 +175,7 @@ def encode_gaussians(
     level: Level,
     importance: GaussianImportance | None = None,
     head: HeadModel | None = None,
+    recolour: Recolour | None = None,
 ) -> tuple[list[Section], Int[np.ndarray, " n"]]:
     """Code all attributes, each after those that its steps follow; give the sections, and the row of each Gaussian in coding order."""
     prepared, importance, order = prepare(gaussians, template, level, importance)
@@ -172,7 +183,8 @@ def encode_gaussians(
     if importance is not None and len(order):
         plan = plan_by_worth(prepared, level, importance, plan)
     counts = encode_layout(prepared.numbers, template, prepared.by_vertex)
-    return [Section("Counts", counts), *encode_planned(prepared, plan, head, importance)], order
+    mine = None if recolour is None or not len(order) else lambda decoded: recolour(decoded, order)
+    return [Section("Counts", counts), *encode_planned(prepared, plan, head, importance, mine)], order
 
 
 def price_of_a_bit(gaussians: Gaussians, head: HeadModel, level: int | Level, importance: GaussianImportance) -> float:
@@ -206,7 +218,11 @@ def prepare(
 
 
 def encode_planned(
-    prepared: Prepared, plan: Plan, head: HeadModel | None = None, importance: GaussianImportance | None = None
+    prepared: Prepared,
+    plan: Plan,
+    head: HeadModel | None = None,
+    importance: GaussianImportance | None = None,
+    recolour: Callable[[Gaussians], Float[np.ndarray, "n 3"]] | None = None,
 ) -> list[Section]:
     """Code all attributes as planned."""
     layout, gaussians, worth = prepared.layout, prepared.gaussians, plan.worth
@@ -222,11 +238,22 @@ def encode_planned(
     classes = classes_of(known, scale_values)
     rotation = encode_rotation(layout, prepared.quaternion, classes, plan.rotation, worth["rotation"])
     position = encode_position(layout, gaussians.position, classes, plan.position, worth["position"])
-    harmonic, sh_dc = [], gaussians.sh_dc
+    harmonic, sh_dc, sh_rest = [], gaussians.sh_dc, gaussians.sh_rest
     if gaussians.sh_degree:
         metric = metric_of(gaussians, head, importance, plan.harmonic, classes)
         coded, sh_rest = encode_harmonics(layout, gaussians.sh_rest, classes, plan.harmonic, metric, plan.price)
         harmonic, sh_dc = [Section("Harmonic", coded)], metric.folded(gaussians.sh_dc, gaussians.sh_rest - sh_rest)
+    if recolour is not None:
+        decoded = Gaussians(
+            position=position[1],
+            log_scale=scales_in_triangles(layout, scale_values),
+            quaternion=rotation[1],
+            opacity_logit=opacity_table(plan.opacity_steps).logit[index],
+            sh_dc=np.asarray(sh_dc, np.float32),
+            sh_rest=np.asarray(sh_rest, np.float32),
+            binding=layout.binding,
+        )
+        sh_dc = recolour(decoded)
     return [
         Section("Hidden", encode_hidden(layout, plan.hidden)),
         Section("Opacity", opacity),

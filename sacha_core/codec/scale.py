@@ -68,6 +68,11 @@ def coded_scales(layout: Layout, log_scale: Float[np.ndarray, "n 3"]) -> Int[np.
     )
 
 
+def scales_in_triangles(layout: Layout, scale: Int[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    """Log-scales that integers stand for, float32."""
+    return dequantise(scale - triangle_log_size(layout)[:, None], UNIT)
+
+
 def steps_of(rules: tuple[StepRule, ...], classes: Classes) -> Int[np.ndarray, "n 3"]:
     """Steps of the three scales."""
     return np.stack([rule.steps(classes) for rule in rules], axis=1)
@@ -83,4 +88,4 @@ def decode_scale(
     """
     rules = tuple(StepRule.unpack(reader) for _ in range(3))
     scale = decode_predicted(reader, layout, steps_of(rules, classes), 3)
-    return dequantise(scale - triangle_log_size(layout)[:, None], UNIT), scale
+    return scales_in_triangles(layout, scale), scale

@@ -1,4 +1,4 @@
-"""Encoding by rendering: Gaussians that are not worth their bits left out, and bits given to numbers by what they are worth."""
+"""Encoding by rendering: who is not worth its bits goes, bits go where errors show, and colours make up for what is lost."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.avatar.avatar import Avatar
-from sacha_core.codec.encoder import encode_traced, price_of_a_bit
+from sacha_core.codec.encoder import Recolour, encode_traced, price_of_a_bit
 from sacha_core.codec.importance import GaussianImportance
 from sacha_core.codec.levels import Level, level_named
 from sacha_core.flame.model import HeadModel
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.rate.curvature import importance_of
-from sacha_core.rate.visibility import PRUNING_BITS, Grounds, grounds_for, prune
+from sacha_core.rate.leaving_out import Leaving
+from sacha_core.rate.recolouring import Pictures, Recolouring
+from sacha_core.rate.visibility import PRUNING_BITS, grounds_for
 
 __all__ = ["Encoded", "Prepared", "RenderingEncoder", "encode_by_rendering"]
 
@@ -58,7 +60,8 @@ class RenderingEncoder:
         avatar: what to compress.
         head: the head that it is bound to.
         embed_head: add the head itself to the files.
-        pruning_bits: a Gaussian goes that changes pictures by less than so many bits are worth; 0 keeps all that shows.
+        pruning_bits: a Gaussian goes that changes pictures by less than so many bits are worth, or makes up too little of them
+            (`covering`); 0 keeps all that shows.
         seed: of what is measured by chance.
         factors: (n,) how many times as much a squared difference counts where each Gaussian shows; None for once everywhere.
 
@@ -80,15 +83,15 @@ class RenderingEncoder:
         self._avatar, self.head, self._embed, self._seed = avatar, head, embed_head, seed
         self.pruning_bits, self._rasteriser = pruning_bits, Rasteriser()
         self._factors = factors
-        self._measured: tuple[Grounds, GaussianImportance] | None = None
+        self._measured: tuple[Leaving, GaussianImportance] | None = None
 
     def prepare(self, level: int | Level) -> Prepared:
         """Leave out what is not worth its bits at a level."""
         chosen = level if isinstance(level, Level) else level_named(level)
-        grounds, importance = self._measure()
+        leaving, importance = self._measure()
         gaussians = self._avatar.gaussians
-        least = self.pruning_bits * price_of_a_bit(gaussians, self.head, chosen, importance)
-        return self.prepare_rows(chosen, prune(gaussians, grounds, least, self._rasteriser, self._factors))
+        price = price_of_a_bit(gaussians, self.head, chosen, importance)
+        return self.prepare_rows(chosen, leaving.rows(price, self.pruning_bits, self._rasteriser, self._factors))
 
     def prepare_rows(self, level: int | Level, rows: Int[np.ndarray, " m"]) -> Prepared:
         """Leave out all but some of the Gaussians, whoever chose them."""
@@ -105,17 +108,38 @@ class RenderingEncoder:
             FormatError: the avatar is not finite, or has values beyond what the format holds.
             HeadError: `head` is not the one that the avatar names.
         """
-        left = self.prepare(level)
+        return self.encode_prepared(self.prepare(level))
+
+    def encode_prepared(self, left: Prepared, drop_invisible: bool = True) -> Encoded:
+        """Encode what is left, with colours that make up for what the file loses.
+
+        Raises:
+            FormatError, HeadError: as `encode`.
+        """
         data, order = encode_traced(
-            left.avatar, left.level, head=self.head, embed_head=self._embed, importance=left.importance
+            left.avatar,
+            left.level,
+            head=self.head,
+            embed_head=self._embed,
+            drop_invisible=drop_invisible,
+            importance=left.importance,
+            recolour=self._recolour(left.rows),
         )
         return Encoded(data, left.level, left.rows[order])
 
-    def _measure(self) -> tuple[Grounds, GaussianImportance]:
-        """Give the views to decide by, and what numbers are worth while all Gaussians are there."""
+    def _recolour(self, rows: Int[np.ndarray, " m"]) -> Recolour:
+        """Give what chooses colours for some of the Gaussians, by the views that decide who goes."""
+        leaving, importance = self._measure()
+        fit, worth = Recolouring(leaving.pictures, self._rasteriser), importance.sh_dc[rows].mean(axis=1)
+        return lambda decoded, order: fit(decoded, worth[order])
+
+    def _measure(self) -> tuple[Leaving, GaussianImportance]:
+        """Give what decides who goes, and what numbers are worth while all Gaussians are there."""
         if self._measured is None:
             importance = importance_of(self._avatar, self.head, self._seed, self._rasteriser)
-            self._measured = grounds_for(self._avatar, self.head), importance
+            gaussians, grounds = self._avatar.gaussians, grounds_for(self._avatar, self.head)
+            pictures = Pictures(gaussians, grounds.own)
+            self._measured = Leaving.of(gaussians, grounds, pictures, self._rasteriser), importance
         return self._measured
 
 
@@ -137,7 +161,8 @@ def encode_by_rendering(
         level: 1 (smallest) to 4 (best), or a `Level` of one's own.
         head: the head model that it is bound to.
         embed_head: add the head model itself to the file.
-        pruning_bits: a Gaussian goes that changes pictures by less than so many bits are worth; 0 keeps all that shows.
+        pruning_bits: a Gaussian goes that changes pictures by less than so many bits are worth, or makes up too little of them
+            (`covering`); 0 keeps all that shows.
         seed: of what is measured by chance; the same seed gives the same bytes.
 
     Raises:

@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Float
 
 from sacha_core.avatar.avatar import Avatar
-from sacha_core.codec.encoder import encode_traced
 from sacha_core.codec.levels import Level, level_named
 from sacha_core.density.budget import Budget
 from sacha_core.density.limits import nearest_possible
@@ -56,7 +55,7 @@ class SteeredEncoder:
         fixed_keep: bool = True,
         embed_head: bool = False,
     ) -> None:
-        self.head, self._embed, self._scores, self._partition = head, embed_head, scores, partition
+        self.head, self._scores, self._partition = head, scores, partition
         self._budget, self._fixed = budget, fixed_keep
         factors = error_factors(scores, partition, budget)
         self._encoder = RenderingEncoder(avatar, head, embed_head, factors=factors)
@@ -91,15 +90,7 @@ class SteeredEncoder:
         """
         chosen = level if isinstance(level, Level) else level_named(level)
         left = self._encoder.prepare_rows(chosen, self.choose(chosen).rows)
-        data, order = encode_traced(
-            left.avatar,
-            chosen,
-            head=self.head,
-            embed_head=self._embed,
-            drop_invisible=False,
-            importance=left.importance,
-        )
-        return Encoded(data, chosen, left.rows[order])
+        return self._encoder.encode_prepared(left, drop_invisible=False)
 
 
 def error_factors(scores: Scores, partition: Partition, budget: Budget) -> Float[np.ndarray, " n"]:

@@ -27,7 +27,7 @@ from sacha_core.rate.world import in_world
 __all__ = ["PRUNING_BITS", "Grounds", "grounds_for", "prune", "removal_errors"]
 
 # A Gaussian that changes pictures by less than so many bits are worth goes. It costs some 30, but others lean on it: measured alone, it
-# seems worth less than it is. Found on five avatars of three kinds; half or double as many cost about the same.
+# seems worth less than it is.
 PRUNING_BITS = 4.0
 ROUNDS = 6
 CAMERAS, STOCK_CAMERAS = 2, 1  # a pose
@@ -81,6 +81,7 @@ def prune(
     least: float,
     rasteriser: Rasteriser | None = None,
     factors: Float[np.ndarray, " n"] | None = None,
+    rounds: int = ROUNDS,
 ) -> Int[np.ndarray, " m"]:
     """Give the rows of the Gaussians that are worth their bits.
 
@@ -90,13 +91,14 @@ def prune(
         least: what a Gaussian has to change pictures by: squared, summed over pixels and channels, mean over views; 0 keeps all.
         rasteriser: one to use again; a new one by default.
         factors: (n,) how many times as much the change by each counts; once by default.
+        rounds: in how many steps, each twice the last one's, they go.
     """
     rasteriser, rows = rasteriser or Rasteriser(), np.arange(len(gaussians))
     factors = np.ones(len(gaussians)) if factors is None else factors
     if least <= 0 or not len(gaussians):
         return rows
     elsewhere = STOCK_SHARE * removal_errors(gaussians, grounds.stock, rasteriser)
-    for left in range(ROUNDS - 1, -1, -1):
+    for left in range(rounds - 1, -1, -1):
         shots = grounds.own if left == 0 else every_other(grounds.own, left)
         worth = np.maximum(removal_errors(gaussians.select(rows), shots, rasteriser), elsewhere[rows])
         rows = rows[worth * factors[rows] >= least / 2**left]
