@@ -10,50 +10,65 @@ Source: own; blending weight times a power of the volume is the score of LightGa
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.density.scores.light_gaussian import light_gaussian_score
-from sacha_core.raster.rasteriser import Rasteriser
+from sacha_core.raster.rasteriser import Frame, Rasteriser
 from sacha_core.rate.curvature import draw
-from sacha_core.rate.views import Shot
+from sacha_core.rate.recolouring import Pictures, flat, n_views
 from sacha_core.rate.visibility import STOCK_SHARE, Grounds
 from sacha_core.rate.world import in_world
 
-__all__ = ["COVER", "cover_enough", "covers", "mean_weights"]
+__all__ = ["COVER", "Seen", "cover_enough", "look_at"]
 
 COVER = 8.0  # pixels' weight for each root of a bit's price; 5 is as good on each kind of avatar, 11 too much
 
 
-def mean_weights(
-    gaussians: Gaussians, shots: Sequence[Shot], rasteriser: Rasteriser | None = None
-) -> Float[np.ndarray, " n"]:
-    """Give the blending weight of each Gaussian: summed over pixels, mean over views."""
-    rasteriser, total = rasteriser or Rasteriser(), np.zeros(len(gaussians))
-    for shot in shots:
-        world = in_world(gaussians, shot)
-        for camera in shot.cameras:
-            frame = draw(gaussians, world, camera, rasteriser)
-            ones = np.ones((1, *frame.transmittance.shape), np.float32)
-            total += rasteriser.colour_weights(frame, ones)[:, 0]
-    return total / max(sum(len(shot.cameras) for shot in shots), 1)
+@dataclass(frozen=True)
+class Seen:
+    """What pictures show of n Gaussians.
+
+    Args:
+        cover: (n,) how much of the pictures each makes up, pixels of a view; small ones, which cost no fewer bits, count less, and
+            what only stock expressions show counts a quarter.
+        missed: (n,) a quarter of what pictures of stock expressions would change by without it, as `visibility.removal_errors` has it.
+    """
+
+    cover: Float[np.ndarray, " n"]
+    missed: Float[np.ndarray, " n"]
 
 
-def covers(gaussians: Gaussians, grounds: Grounds, rasteriser: Rasteriser | None = None) -> Float[np.ndarray, " n"]:
-    """Give how much of the pictures each Gaussian makes up, pixels of a view; small ones, which cost no fewer bits, count less.
+def look_at(gaussians: Gaussians, grounds: Grounds, pictures: Pictures, rasteriser: Rasteriser | None = None) -> Seen:
+    """Measure what pictures show of Gaussians while all are there.
 
     Args:
         gaussians: n of them.
-        grounds: the views; what only stock expressions show counts a quarter.
+        grounds: the views.
+        pictures: of the same Gaussians in `grounds.own`; drawn here where they are not yet.
         rasteriser: one to use again; a new one by default.
     """
-    elsewhere = STOCK_SHARE * mean_weights(gaussians, grounds.stock, rasteriser)
-    weight = np.maximum(mean_weights(gaussians, grounds.own, rasteriser), elsewhere)
+    rasteriser = rasteriser or Rasteriser()
+    own, elsewhere, missed = (np.zeros(len(gaussians)) for _ in range(3))
+    for frame in pictures.draw(rasteriser):
+        own += rasteriser.colour_weights(frame, ones_like(frame))[:, 0]
+    for world, camera in flat([(in_world(gaussians, shot), shot.cameras) for shot in grounds.stock]):
+        frame = draw(gaussians, world, camera, rasteriser)
+        elsewhere += rasteriser.colour_weights(frame, ones_like(frame))[:, 0]
+        missed += rasteriser.removal_changes(frame, ones_like(frame)).squared[:, 0]
+    share = STOCK_SHARE / max(n_views(grounds.stock), 1)
+    weight = np.maximum(own / max(n_views(grounds.own), 1), elsewhere * share)
     with np.errstate(over="ignore"):  # endless ones count as large
-        return light_gaussian_score(weight, np.exp(gaussians.log_scale.astype(np.float64)))
+        cover = light_gaussian_score(weight, np.exp(gaussians.log_scale.astype(np.float64)))
+    return Seen(cover, missed * share)
+
+
+def ones_like(frame: Frame) -> Float[np.ndarray, "1 h w"]:
+    """Give weights of 1 for the pixels of a frame."""
+    return np.ones((1, *frame.transmittance.shape), np.float32)
 
 
 def cover_enough(
@@ -62,7 +77,7 @@ def cover_enough(
     """Give the rows of the Gaussians that make up enough of the pictures for their bits.
 
     Args:
-        cover: (n,) as `covers` gives it.
+        cover: (n,) as `look_at` gives it.
         price: squared change of pictures that a bit is worth.
         factors: (n,) how many times as much a squared change by each counts; once by default.
     """

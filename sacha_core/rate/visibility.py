@@ -77,7 +77,8 @@ def removal_errors(
 
 def prune(
     gaussians: Gaussians,
-    grounds: Grounds,
+    shots: Sequence[Shot],
+    elsewhere: Float[np.ndarray, " n"],
     least: float,
     rasteriser: Rasteriser | None = None,
     factors: Float[np.ndarray, " n"] | None = None,
@@ -87,7 +88,8 @@ def prune(
 
     Args:
         gaussians: n of them.
-        grounds: the views to decide by.
+        shots: the views to decide by.
+        elsewhere: (n,) what other views would change by without each, which counts where it is more.
         least: what a Gaussian has to change pictures by: squared, summed over pixels and channels, mean over views; 0 keeps all.
         rasteriser: one to use again; a new one by default.
         factors: (n,) how many times as much the change by each counts; once by default.
@@ -97,10 +99,9 @@ def prune(
     factors = np.ones(len(gaussians)) if factors is None else factors
     if least <= 0 or not len(gaussians):
         return rows
-    elsewhere = STOCK_SHARE * removal_errors(gaussians, grounds.stock, rasteriser)
     for left in range(rounds - 1, -1, -1):
-        shots = grounds.own if left == 0 else every_other(grounds.own, left)
-        worth = np.maximum(removal_errors(gaussians.select(rows), shots, rasteriser), elsewhere[rows])
+        taken = shots if left == 0 else every_other(shots, left)
+        worth = np.maximum(removal_errors(gaussians.select(rows), taken, rasteriser), elsewhere[rows])
         rows = rows[worth * factors[rows] >= least / 2**left]
     return rows
 

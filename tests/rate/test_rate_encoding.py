@@ -18,7 +18,7 @@ from sacha_core.raster.scene import render_avatar
 from sacha_core.rate.encoding import RenderingEncoder, encode_by_rendering
 from sacha_core.rate.judging import Judge
 from sacha_core.rate.views import protocol_shots, stock_motion
-from sacha_core.rate.visibility import grounds_for, prune, removal_errors
+from sacha_core.rate.visibility import STOCK_SHARE, grounds_for, prune, removal_errors
 
 JOINTLY = 2.0  # times what the removed were worth alone, at most: many hide behind one another
 DB = 0.01  # float32 pictures, summed in another order
@@ -71,9 +71,10 @@ def test_the_hidden_go_first_and_their_error_stays_below_what_was_allowed(
     avatar: Avatar, head: HeadModel, rasteriser: Rasteriser
 ) -> None:
     grounds, n = grounds_for(avatar, head), len(avatar.gaussians)
-    assert len(prune(avatar.gaussians, grounds, 0.0, rasteriser)) == n
+    elsewhere = STOCK_SHARE * removal_errors(avatar.gaussians, grounds.stock, rasteriser)
+    assert len(prune(avatar.gaussians, grounds.own, elsewhere, 0.0, rasteriser)) == n
     least = 1e-3
-    rows = prune(avatar.gaussians, grounds, least, rasteriser)
+    rows = prune(avatar.gaussians, grounds.own, elsewhere, least, rasteriser)
     worth = removal_errors(avatar.gaussians, grounds.own + grounds.stock, rasteriser)
     gone = np.setdiff1d(np.arange(n), rows)
     assert len(gone) > n / 3  # most of what is below
@@ -88,7 +89,7 @@ def test_the_hidden_go_first_and_their_error_stays_below_what_was_allowed(
             )
             error.append(((after - before) ** 2).sum())
     assert np.mean(error) < JOINTLY * least * (n - len(rows))
-    assert len(prune(avatar.gaussians, grounds, 100 * least, rasteriser)) < len(rows)
+    assert len(prune(avatar.gaussians, grounds.own, elsewhere, 100 * least, rasteriser)) < len(rows)
 
 
 def test_files_name_their_rows_and_beat_plain_ones(avatar: Avatar, head: HeadModel) -> None:

@@ -12,18 +12,20 @@ from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.codec import decode, inspect
 from sacha_core.codec.encoder import encode_traced
+from sacha_core.density.scores.light_gaussian import light_gaussian_score
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.raster.kernels.harmonics import BASIS
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.splats import Splats
-from sacha_core.rate.covering import COVER, cover_enough, covers, mean_weights
+from sacha_core.rate.covering import COVER, Seen, cover_enough, look_at
 from sacha_core.rate.curvature import draw, importance_of
 from sacha_core.rate.encoding import RenderingEncoder
 from sacha_core.rate.judging import Judge
+from sacha_core.rate.leaving_out import JOINT_BITS, ROUNDS, Leaving
 from sacha_core.rate.recolouring import RIDGE, RIDGE_RANK, STEPS, Pictures, Recolouring
 from sacha_core.rate.views import Shot, measuring_shots, stock_motion
-from sacha_core.rate.visibility import Grounds
+from sacha_core.rate.visibility import PRUNING_BITS, STOCK_SHARE, Grounds, prune, removal_errors
 from sacha_core.rate.world import in_world
 
 SOLVED = 2e-4  # of colours: float32 pictures, and sums of their products
@@ -79,7 +81,14 @@ def weights_by_drawing(gaussians: Gaussians, shots: tuple[Shot, ...], rasteriser
 
 def front(avatar: Avatar, shots: tuple[Shot, ...], rasteriser: Rasteriser, n: int) -> np.ndarray:
     """Give the rows of the Gaussians that show most."""
-    return np.argsort(-mean_weights(avatar.gaussians, shots, rasteriser))[:n]
+    return np.argsort(-seen_of(avatar.gaussians, shots, rasteriser).cover)[:n]
+
+
+def seen_of(
+    gaussians: Gaussians, shots: tuple[Shot, ...], rasteriser: Rasteriser, stock: tuple[Shot, ...] = ()
+) -> Seen:
+    """Look at Gaussians in their own views."""
+    return look_at(gaussians, Grounds(shots, stock), Pictures(gaussians, shots), rasteriser)
 
 
 def test_colours_solve_the_least_squares_problem(avatar, shots, rasteriser):
@@ -92,7 +101,7 @@ def test_colours_solve_the_least_squares_problem(avatar, shots, rasteriser):
         opacity_logit=truth.opacity_logit - np.float32(0.5),
         sh_dc=truth.sh_dc + np.float32(0.1),
     )
-    worth = np.array([1.0, 2.0, 3.0]) * 100
+    worth = 100.0 * np.arange(1, STEPS + 1)
     found = Recolouring(Pictures(truth, shots), rasteriser)(moved, worth)
 
     weights = weights_by_drawing(moved, shots, rasteriser).astype(np.float64) * BASIS[0]
@@ -161,19 +170,44 @@ def test_files_look_better_with_colours_that_make_up_for_losses(avatar, head, ra
     assert len(fitted.data) < len(plain) * 1.02
 
 
-def test_weights_are_means_of_blending_weights(avatar, shots, rasteriser):
-    """Oracle: each Gaussian drawn white among black ones."""
+def test_what_is_seen_of_each_is_its_weight_in_the_pictures(avatar, shots, rasteriser):
+    """Oracle: each Gaussian drawn white among black ones, by its definition less for small ones; removal errors of stock views."""
     few = avatar.gaussians.select(front(avatar, shots, rasteriser, 8))
-    expected = weights_by_drawing(few, shots, rasteriser).sum(axis=(2, 3)).mean(axis=0)
-    np.testing.assert_allclose(mean_weights(few, shots, rasteriser), expected, rtol=SUMMED)
+    own, stock = shots[:2], shots[2:]
+    seen = seen_of(few, own, rasteriser, stock)
+    sums = weights_by_drawing(few, shots, rasteriser).sum(axis=(2, 3))
+    weight = np.maximum(sums[:2].mean(axis=0), STOCK_SHARE * sums[2:].mean(axis=0))
+    expected = light_gaussian_score(weight, np.exp(few.log_scale.astype(np.float64)))
+    np.testing.assert_allclose(seen.cover, expected, rtol=SUMMED)
+    np.testing.assert_allclose(seen.missed, STOCK_SHARE * removal_errors(few, stock, rasteriser), rtol=SUMMED)
 
 
 def test_who_covers_too_little_goes_and_more_where_bits_are_dear(avatar, shots, rasteriser):
     """Oracle: the definition; factors count a squared change, covers one that is not squared."""
-    cover = covers(avatar.gaussians, Grounds(shots, ()), rasteriser)
-    assert (cover <= mean_weights(avatar.gaussians, shots, rasteriser)).all()
+    cover = seen_of(avatar.gaussians, shots, rasteriser).cover
     price = float(np.median(cover) / COVER) ** 2
     kept = cover_enough(cover, price)
     assert np.array_equal(kept, np.flatnonzero(cover >= np.median(cover)))
     assert np.array_equal(cover_enough(cover, 4 * price, np.full(len(cover), 4.0)), kept)
     assert len(cover_enough(cover, 4 * price)) < len(kept)
+
+
+@pytest.mark.parametrize(("layers", "stays"), [(1, False), (40, True)])
+def test_faint_layers_stay_that_are_missed_together(avatar, head, shots, rasteriser, layers, stays):
+    """Oracle: one layer that changes pictures by less than its bits are worth goes; of many, worth far more together, none does."""
+    gaussians = avatar.gaussians
+    faint = replace(gaussians, opacity_logit=np.full(len(gaussians), -4.0, np.float32))
+    rows = np.tile(np.arange(len(faint)), layers)
+    many = faint.select(rows)
+    grounds, pictures = Grounds(shots, ()), Pictures(many, shots)
+    leaving = Leaving.of(many, grounds, pictures, rasteriser)
+    alone = removal_errors(many, shots, rasteriser)
+    price = float(np.quantile(alone[alone > 0], 0.9)) / PRUNING_BITS
+    kept = cover_enough(leaving.seen.cover, price)
+    few = many.select(kept)
+    fewer = kept[prune(few, shots, np.zeros(len(kept)), PRUNING_BITS * price, rasteriser, None, ROUNDS)]
+    assert len(fewer) < len(kept)
+    lost = leaving.joint_error(fewer, rasteriser) - leaving.joint_error(kept, rasteriser)
+    assert (lost > JOINT_BITS * price * (len(kept) - len(fewer))) == stays
+    assert np.array_equal(leaving.rows(price, PRUNING_BITS, rasteriser), kept if stays else fewer)
+    assert len(leaving.rows(price, 0, rasteriser)) == len(many)
