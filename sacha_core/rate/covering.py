@@ -19,9 +19,8 @@ from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.density.scores.light_gaussian import light_gaussian_score
 from sacha_core.raster.rasteriser import Frame, Rasteriser
 from sacha_core.rate.curvature import draw
-from sacha_core.rate.recolouring import Pictures, flat, n_views
+from sacha_core.rate.recolouring import Pictures, n_views, views_of
 from sacha_core.rate.visibility import STOCK_SHARE, Grounds
-from sacha_core.rate.world import in_world
 
 __all__ = ["COVER", "Seen", "cover_enough", "look_at"]
 
@@ -55,7 +54,7 @@ def look_at(gaussians: Gaussians, grounds: Grounds, pictures: Pictures, rasteris
     own, elsewhere, missed = (np.zeros(len(gaussians)) for _ in range(3))
     for frame in pictures.draw(rasteriser):
         own += rasteriser.colour_weights(frame, ones_like(frame))[:, 0]
-    for world, camera in flat([(in_world(gaussians, shot), shot.cameras) for shot in grounds.stock]):
+    for world, camera in views_of(gaussians, grounds.stock):
         frame = draw(gaussians, world, camera, rasteriser)
         elsewhere += rasteriser.colour_weights(frame, ones_like(frame))[:, 0]
         missed += rasteriser.removal_changes(frame, ones_like(frame)).squared[:, 0]

@@ -25,7 +25,7 @@ from sacha_core.rate.curvature import draw
 from sacha_core.rate.views import Shot
 from sacha_core.rate.world import in_world
 
-__all__ = ["Pictures", "Recolouring", "flat", "n_views"]
+__all__ = ["Pictures", "Recolouring", "n_views", "views_of"]
 
 STEPS = 2  # six take two per cent more of the bytes of an untrained avatar, and nothing of a trained one's
 RIDGE, RIDGE_RANK = 0.25, 0.25  # share of the worth of colours of this rank: worth less, they stay near what they were
@@ -51,7 +51,7 @@ class Pictures:
     def draw(self, rasteriser: Rasteriser) -> Iterator[Frame]:
         """Draw them, pose after pose, and keep them; each frame holds until the next."""
         self._drawn = []
-        for world, camera in flat([(in_world(self._truth, shot), shot.cameras) for shot in self.shots]):
+        for world, camera in views_of(self._truth, self.shots):
             frame = draw(self._truth, world, camera, rasteriser)
             self._drawn.append(frame.image.copy())
             yield frame
@@ -83,17 +83,16 @@ class Recolouring:
             decoded: n Gaussians that are left, in any order, as a decoder will have them but for their colours, where the search begins.
             worth: (n,) of a squared error of one such coefficient, as `GaussianImportance.sh_dc` has it.
         """
-        views = [(in_world(decoded, shot), shot.cameras) for shot in self._pictures.shots]
         seen = worth[worth > 0]
         if not len(seen):
             return decoded.sh_dc
         ridge = RIDGE * float(np.quantile(seen, RIDGE_RANK))
         scale = 1 / np.maximum(worth + ridge, LEAST)[:, None]
-        found, left = decoded.sh_dc.astype(np.float64), -self._slope(decoded, views)
+        found, left = decoded.sh_dc.astype(np.float64), -self._slope(decoded)
         near = scale * left
         towards, size = near, (left * near).sum(axis=0)
         for _ in range(STEPS):
-            turned = self._normal(towards, views) + ridge * towards
+            turned = self._normal(towards, decoded) + ridge * towards
             step = size / np.maximum((towards * turned).sum(axis=0), LEAST)
             found, left = found + step * towards, left - step * turned
             near = scale * left
@@ -101,31 +100,31 @@ class Recolouring:
             towards = near + size / np.maximum(before, LEAST) * towards
         return found.astype(np.float32)
 
-    def _slope(self, decoded: Gaussians, views: Views) -> Colours:
+    def _slope(self, decoded: Gaussians) -> Colours:
         """Give half the gradient of the squared difference to the truth, mean over views; nothing where a colour was cut at black."""
         total = np.zeros((len(decoded), 3))
-        for (world, camera), truth in zip(flat(views), self._pictures.drawn(self._rasteriser), strict=True):
+        for (world, camera), truth in zip(
+            views_of(decoded, self._pictures.shots), self._pictures.drawn(self._rasteriser), strict=True
+        ):
             frame = draw(decoded, world, camera, self._rasteriser)
             total += self._rasteriser.colour_weights(frame, frame.image - truth) * (frame.splats.colours > 0)
         return total * (BASIS[0] / self._n_views)
 
-    def _normal(self, towards: Colours, views: Views) -> Colours:
+    def _normal(self, towards: Colours, decoded: Gaussians) -> Colours:
         """Give $A^T A$ times a direction, mean over views."""
         total, colours = np.zeros(towards.shape), (BASIS[0] * towards).astype(np.float32)
-        for world, camera in flat(views):
+        for world, camera in views_of(decoded, self._pictures.shots):
             splats = Splats(world.means, world.scales, world.quaternions, world.opacities, colours)
             frame = self._rasteriser.forward(splats, camera, BLACK)
             total += self._rasteriser.colour_weights(frame, frame.image)
         return total * (BASIS[0] / self._n_views)
 
 
-Views = Sequence[tuple[WorldGaussians, tuple[Camera, ...]]]
-
-
-def flat(views: Views) -> Iterator[tuple[WorldGaussians, Camera]]:
+def views_of(gaussians: Gaussians, shots: Sequence[Shot]) -> Iterator[tuple[WorldGaussians, Camera]]:
     """Go through all views, pose after pose."""
-    for world, cameras in views:
-        for camera in cameras:
+    for shot in shots:
+        world = in_world(gaussians, shot)
+        for camera in shot.cameras:
             yield world, camera
 
 
