@@ -25,7 +25,7 @@ from sacha_core.rate.world import in_world
 __all__ = ["Leaving"]
 
 ROUNDS = 2  # of the second step: what goes first in more of them is gone already
-JOINT_BITS = 30.0  # that Gaussians of the second step may be worth together, each: about what one costs
+JOINT_BITS = 20.0  # that Gaussians of the second step may be worth together, each: somewhat less than one costs
 
 
 @dataclass(frozen=True)

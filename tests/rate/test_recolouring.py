@@ -165,7 +165,7 @@ def test_files_look_better_with_colours_that_make_up_for_losses(avatar, head, ra
     left = encoder.prepare(LEVEL)
     fitted = encoder.encode_prepared(left)
     plain, _ = encode_traced(left.avatar, left.level, head=head, importance=left.importance)
-    found = [judge.full(decode(data, head=head).gaussians) for data in (plain, fitted.data)]
+    found = [judge.quick(decode(data, head=head).gaussians) for data in (plain, fitted.data)]
     assert found[1] > found[0] + BETTER_DB
     assert len(fitted.data) < len(plain) * 1.02
 
@@ -196,7 +196,8 @@ def test_who_covers_too_little_goes_and_more_where_bits_are_dear(avatar, shots, 
 def test_faint_layers_stay_that_are_missed_together(avatar, head, shots, rasteriser, layers, stays):
     """Oracle: one layer that changes pictures by less than its bits are worth goes; of many, worth far more together, none does."""
     gaussians = avatar.gaussians
-    faint = replace(gaussians, opacity_logit=np.full(len(gaussians), -4.0, np.float32))
+    n = len(gaussians)
+    faint = replace(gaussians, opacity_logit=np.full(n, -4.0, np.float32), log_scale=np.full((n, 3), -1.5, np.float32))
     rows = np.tile(np.arange(len(faint)), layers)
     many = faint.select(rows)
     grounds, pictures = Grounds(shots, ()), Pictures(many, shots)
