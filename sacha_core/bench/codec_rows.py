@@ -9,8 +9,8 @@ from sacha_core.bench.codec_scene import Scores
 from sacha_core.bench.preset import Subject
 from sacha_core.bench.result import Row
 from sacha_core.evaluate.peers import bindings as binding_codings
+from sacha_core.evaluate.peers.ours import FITTED, RULES
 from sacha_core.evaluate.peers.ours import NAME as OURS
-from sacha_core.evaluate.peers.ours import RULES
 from sacha_core.evaluate.peers.registry import find_peer
 from sacha_core.evaluate.peers.trial import BINDINGS, Trial
 from sacha_core.evaluate.rate_distortion import Curve, bd_rate, bytes_at, rd_curve
@@ -104,7 +104,7 @@ def equal_rows(name: str, curves: dict[str, Curve]) -> list[Row]:
             rate = bd_rate(curve, ours)
             row |= {"bd_rate": rate.value, "overlap": 100 * rate.overlap if rate.value is not None else None}
         rows.append(row)
-    others = [row for row in rows if row["codec"] not in {OURS, RULES}]
+    others = [row for row in rows if row["codec"] not in {OURS, FITTED, RULES}]
     best = {q: min((row[f"kb_{q}"] for row in others if row[f"kb_{q}"]), default=None) for q in EQUAL_DB}
     if ours is not None and any(best.values()):
         row = {"table": "equal", "avatar": name, "codec": "the best of the others"}

@@ -1,10 +1,11 @@
-"""Our own codec by its levels, through the same door as the others: steps by its rules alone, or by what rendering tells them.
+"""Our own codec by its levels, through the same door as the others: by rules, by what rendering tells, or with fewer Gaussians, fitted.
 
 Source: own.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 from sacha_core.avatar.avatar import Avatar
@@ -16,11 +17,13 @@ from sacha_core.codec.levels import level_at
 from sacha_core.evaluate.peers.lossless import nothing
 from sacha_core.evaluate.peers.peer import Ground, Parts, Peer, Setting
 from sacha_core.rate.encoding import encode_by_rendering
+from sacha_core.rate.tuned import encode_tuned
 
-__all__ = ["NAME", "PEERS", "RULES"]
+__all__ = ["FITTED", "NAME", "PEERS", "RULES"]
 
-NAME, RULES = "sacha", "sacha-rules"
+NAME, RULES, FITTED = "sacha", "sacha-rules", "sacha-fitted"
 LEVELS = (0, 1, 2, 3, 4, 5, 6)
+FITTED_LEVELS = (0, 1, 2, 3, 4)  # a minute or more each, and finer ones are what they are without fitting
 
 
 def settings(few: bool, sh_degree: int) -> tuple[Setting, ...]:  # noqa: ARG001
@@ -28,11 +31,16 @@ def settings(few: bool, sh_degree: int) -> tuple[Setting, ...]:  # noqa: ARG001
     return tuple(Setting(f"level {level}", "local", {"level": level}) for level in LEVELS)
 
 
-def encode(rendered: bool, splats: Gaussians, ground: Ground, setting: Setting) -> Parts:
-    """Encode; `rendered`: after looking at the avatar in its motion, which then goes into the file, too."""
+def fitted_settings(few: bool, sh_degree: int) -> tuple[Setting, ...]:  # noqa: ARG001
+    """Give levels whose quality is to be met; none where there is little time."""
+    return () if few else tuple(Setting(f"as level {level}", "local", {"level": level}) for level in FITTED_LEVELS)
+
+
+def encode(looking: Callable[..., bytes] | None, splats: Gaussians, ground: Ground, setting: Setting) -> Parts:
+    """Encode; `looking`: by what looks at the avatar in its motion, which then goes into the file, too."""
     head, level = ground.head, level_at(float(setting.options["level"]))
-    if rendered:
-        return {"file": encode_by_rendering(Avatar(splats, head.reference, ground.motion), level, head=head)}
+    if looking is not None:
+        return {"file": looking(Avatar(splats, head.reference, ground.motion), level, head=head)}
     return {"file": encode_sacha(Avatar(splats, head.reference), level, head=head)}
 
 
@@ -47,13 +55,35 @@ def count(parts: Parts) -> int:
 
 
 PEERS = (
-    Peer(NAME, "SACHA", nothing, settings, partial(encode, True), decode, count=count, needs_head=True, own_order=True),
+    Peer(
+        NAME,
+        "SACHA",
+        nothing,
+        settings,
+        partial(encode, encode_by_rendering),
+        decode,
+        count=count,
+        needs_head=True,
+        own_order=True,
+    ),
+    Peer(
+        FITTED,
+        "SACHA, fewer Gaussians fitted",
+        nothing,
+        fitted_settings,
+        partial(encode, encode_tuned),
+        decode,
+        count=count,
+        limit_s=900.0,
+        needs_head=True,
+        own_order=True,
+    ),
     Peer(
         RULES,
         "SACHA without rendering",
         nothing,
         settings,
-        partial(encode, False),
+        partial(encode, None),
         decode,
         needs_head=True,
         own_order=True,
