@@ -59,7 +59,7 @@ def test_a_codec_gives_the_avatar_back(name: str, sh_degree: int) -> None:
     for trial in found.values():
         assert trial.gaussians is not None
         assert trial.n_bytes > 0
-        if name != "sacha":  # which drops what decodes to nothing
+        if name not in {"sacha", "sacha-fitted"}:  # which drop what decodes to nothing or others make up for
             assert np.array_equal(np.bincount(trial.gaussians.binding), np.bincount(given.binding))
     if peer.lossless:
         (trial,) = found.values()
