@@ -100,12 +100,12 @@ def apply_weighted(sitting: Sitting) -> None:
 
 
 def applied(sitting: Sitting, name: str, weights: str) -> dict[str, Any]:
-    """Apply a budget; give the file's bytes and each region's Gaussians, as the mesh tells them."""
+    """Apply a budget; give the file's bytes and each region's Gaussians and bytes, as the mesh tells them."""
     shown().data.sacha_steering.views = sitting.score_views
     bpy.ops.sacha.apply_budget(filepath=str(sitting.folder / name), target_kb=sitting.target_kb, weights=weights)
-    mesh = shown().data
-    n_bytes = (sitting.folder / name).stat().st_size
-    return {"n_bytes": n_bytes, "gaussians": {row.name: row.gaussians for row in mesh.sacha.regions}}
+    rows, n_bytes = shown().data.sacha.regions, (sitting.folder / name).stat().st_size
+    gaussians, spent = {row.name: row.gaussians for row in rows}, {row.name: row.n_bytes for row in rows}
+    return {"n_bytes": n_bytes, "gaussians": gaussians, "spent": spent}
 
 
 def preview(sitting: Sitting) -> None:

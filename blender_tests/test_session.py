@@ -44,8 +44,9 @@ def test_every_view_shows_something_of_its_own(sitting: Sitting) -> None:
 def test_the_favoured_region_keeps_more_at_the_same_size(sitting: Sitting) -> None:
     neutral, weighted = sitting.told["neutral"], sitting.told["weighted"]
     assert weighted["gaussians"][sitting.favoured] > neutral["gaussians"][sitting.favoured]
-    others = [sum(told["gaussians"].values()) - told["gaussians"][sitting.favoured] for told in (neutral, weighted)]
-    assert others[1] < others[0]  # somebody pays
+    others = [sum(told["spent"].values()) - told["spent"][sitting.favoured] for told in (neutral, weighted)]
+    assert others[1] < others[0]  # somebody pays, in Gaussians or in how finely they are coded
+    assert weighted["spent"][sitting.favoured] > neutral["spent"][sitting.favoured]
     for told in (neutral, weighted):
         assert NEARLY_ALL * sitting.target_kb * 1000 < told["n_bytes"] <= sitting.target_kb * 1000
 
