@@ -38,6 +38,7 @@ from sacha_core.train.presets import VARIANTS
 Call = Callable[..., object]
 
 WAYS = ((), ("--no-rendering",))
+GRAIN_DB = 1.0  # neighbouring levels of an avatar of a few hundred Gaussians differ by so much
 
 
 def test_synth_makes_what_was_asked_for(synthesised) -> None:
@@ -108,7 +109,7 @@ def test_targets_are_kept(done, refused, model: Path, tmp_path: Path) -> None:
     report = done("encode", model, "--target-size", "4KB", "-o", file).report
     assert 0.9 * 4000 < report["bytes"]["total"] == file.stat().st_size <= 4000
     near = done("encode", model, "--target-psnr", 35, "-o", file)
-    assert 35 <= near.report["psnr_db"] < 35.5
+    assert 35 <= near.report["psnr_db"] < 35 + GRAIN_DB
     assert f"{near.report['psnr_db']:.2f} dB" in near.out
     before = file.read_bytes()
     assert "out of reach; the smallest" in refused("encode", model, "--target-size", 500, "-o", file)
