@@ -20,6 +20,7 @@ from sacha_core.codec.harmonic_metric import Metric
 from sacha_core.codec.harmonics import AXES, BASIS_ONE, UNIT, Neighbourhood, Transform
 from sacha_core.codec.order import Layout
 from sacha_core.codec.steps import Classes
+from sacha_core.geometry.contraction import contract
 
 __all__ = ["Problem", "cheapest", "choose", "pose"]
 
@@ -109,7 +110,7 @@ def descend(
     left = problem.linear[rows]  # less what the values so far explain
     for axis in range(AXES):
         mine = np.flatnonzero(transform.axis == axis)
-        left[:, :, axis] -= np.einsum("pfg,pg->pf", quadratic[:, :, transform.functions[mine]], expected[:, mine])
+        left[:, :, axis] -= contract("pfg,pg->pf", quadratic[:, :, transform.functions[mine]], expected[:, mine])
     levels = np.zeros(expected.shape, np.int64)
     for _ in range(SWEEPS if prices else 1):
         for component, (function, axis) in enumerate(transform.components):

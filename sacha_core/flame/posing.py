@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from sacha_core.errors import HeadError
 from sacha_core.flame.model import HeadModel
+from sacha_core.geometry.contraction import contract
 from sacha_core.geometry.rotation import rotation_vectors_to_matrices
 from sacha_core.geometry.skinning import joint_transforms, skin
 
@@ -123,8 +124,8 @@ class Poser:
         if self.has_correctives:
             correctives = rotations[1:] - np.eye(3, dtype=rotations.dtype)
             coefficients = np.concatenate([expression, correctives.reshape(-1)])
-        vertices = self.template + np.einsum("k,kx->x", coefficients, self.directions).reshape(-1, 3)
-        return vertices, self.joints + np.einsum("jce,e->jc", self.joint_directions, expression)
+        vertices = self.template + contract("k,kx->x", coefficients, self.directions).reshape(-1, 3)
+        return vertices, self.joints + contract("jce,e->jc", self.joint_directions, expression)
 
 
 def joint_vectors(motion: HeadMotion, frame: int) -> Float[np.ndarray, "5 3"]:
@@ -171,7 +172,7 @@ def person_template(
     """
     shape = fit_components(np.asarray(motion.shape, dtype)[None], head.shapedirs.shape[2], "shape", head)[0]
     template = head.v_template.astype(dtype)
-    template += np.einsum("vcs,s->vc", head.shapedirs[:, :, : len(shape)], shape)
+    template += contract("vcs,s->vc", head.shapedirs[:, :, : len(shape)], shape)
     if len(motion.static_offset):
         if motion.static_offset.shape != template.shape:
             raise HeadError(

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.lib.stride_tricks import as_strided
 from scipy.spatial.transform import Rotation
 
 from sacha_core.avatar.motion import Motion
@@ -104,6 +105,19 @@ def test_fewer_components_than_the_head_has_are_the_first_ones(random_head: Head
         np.testing.assert_allclose(
             Poser(random_head, other, np.float64)(0), Poser(random_head, padded, np.float64)(0), atol=ROUNDING_64
         )
+
+
+def test_no_coefficients_are_as_good_as_zeros(random_head: HeadModel, random_motion: Motion) -> None:
+    """What lies in memory behind arrays without elements is no number."""
+    no_number = np.full(16, np.nan, np.float32)
+    nothing = as_strided(no_number, (0,), (0,)), as_strided(no_number, (len(random_motion), 0), (0, 0))
+    zeros = np.zeros(2, np.float32), np.zeros((len(random_motion), 2), np.float32)
+    for head in (random_head, replace(random_head, posedirs=None)):
+        posed, wanted = (
+            pose_many(head, replace(random_motion, shape=shape, expression=expression))
+            for shape, expression in (nothing, zeros)
+        )
+        np.testing.assert_array_equal(posed, wanted)
 
 
 @pytest.mark.parametrize(("name", "shape", "row"), [("shape", (9,), 0), ("expression", (4, 9), 2)])
