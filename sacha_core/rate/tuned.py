@@ -37,12 +37,12 @@ class Tuner:
     """Makes files as `RenderingEncoder` does, of fewer Gaussians that were fitted; never worse ones, for what makes none better is left.
 
     Args:
-        avatar: what to compress.
-        head: that it is bound to.
-        embed_head: add the head itself to the files.
+        avatar: as in `RenderingEncoder`.
+        head: likewise.
+        embed_head: likewise.
         steps: pictures that are fitted to in the end, with timesteps of the avatar's motion, as `pictures.CaptureSteps` gives them; None
             for the avatar's own.
-        factors: (n,) how many times as much a squared difference counts where each Gaussian shows; None for once everywhere.
+        factors: as in `RenderingEncoder`.
         options: of fitting through the quantiser.
         thinning: of leaving out Gaussians.
         report: told about progress.

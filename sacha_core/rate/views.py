@@ -151,10 +151,10 @@ def ring_shots(
     """Give views of frames of a motion from a ring of cameras.
 
     Args:
-        avatar: whose Gaussians tell where the middle is.
-        head: the head that it is bound to.
-        motion: whose frames are posed.
-        times: which of them.
+        avatar: as in `spread_shots`.
+        head: likewise.
+        motion: likewise.
+        times: likewise.
         views: azimuth (0 in front, 90 at the subject's left) and elevation of each camera, degrees.
         share: of the pictures' resolution.
 

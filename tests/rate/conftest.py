@@ -11,6 +11,7 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.synthetic import synthetic_head
+from sacha_core.raster.rasteriser import Rasteriser
 
 N_MATT = 4
 
@@ -19,6 +20,12 @@ N_MATT = 4
 def head() -> HeadModel:
     """Give the small synthetic head."""
     return synthetic_head("small")
+
+
+@pytest.fixture(scope="session")
+def rasteriser() -> Rasteriser:
+    """Give one that draws on one thread."""
+    return Rasteriser(1)
 
 
 @pytest.fixture(scope="session")

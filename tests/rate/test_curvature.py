@@ -26,11 +26,6 @@ STEP = 2e-2  # of central differences: a pixel that drops below 1/255 at the edg
 EXACT = 0.02  # of what is measured without chance, for that reason and where an edge at 1/255 moved
 
 
-@pytest.fixture(scope="module")
-def rasteriser() -> Rasteriser:
-    return Rasteriser(1)
-
-
 def scene(head: HeadModel) -> tuple[Gaussians, Shot]:
     """Ten Gaussians before the face, and the camera that looks at them from near."""
     n, rng = 10, np.random.default_rng(3)

@@ -25,11 +25,6 @@ DB = 0.01  # float32 pictures, summed in another order
 
 
 @pytest.fixture(scope="module")
-def rasteriser() -> Rasteriser:
-    return Rasteriser(1)
-
-
-@pytest.fixture(scope="module")
 def avatar(head: HeadModel) -> Avatar:
     """A skin of opaque Gaussians, and as many behind it that it hides from all sides."""
     rng = np.random.default_rng(0)

@@ -14,7 +14,6 @@ from sacha_core.codec import decode, inspect
 from sacha_core.codec.encoder import encode_traced
 from sacha_core.density.scores.light_gaussian import light_gaussian_score
 from sacha_core.flame.model import HeadModel
-from sacha_core.flame.synthetic import synthetic_head
 from sacha_core.raster.kernels.harmonics import BASIS
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.splats import Splats
@@ -32,16 +31,6 @@ SOLVED = 2e-4  # of colours: float32 pictures, and sums of their products
 SUMMED = 1e-5  # relative: float32 sums over a picture in another order
 LEVEL = 1
 BETTER_DB = 0.3  # at least, of what is possible here; without a fit it would be 0
-
-
-@pytest.fixture(scope="module")
-def head() -> HeadModel:
-    return synthetic_head("small")
-
-
-@pytest.fixture(scope="module")
-def rasteriser() -> Rasteriser:
-    return Rasteriser(1)
 
 
 @pytest.fixture(scope="module")
