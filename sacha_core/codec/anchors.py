@@ -13,7 +13,7 @@ from jaxtyping import Bool, Int
 
 from sacha_core.codec.template import Template
 
-__all__ = ["match_vertices", "middle_of", "triangle_of"]
+__all__ = ["LEAST_SHARE", "match_vertices", "middle_of", "triangle_of"]
 
 LEAST_SHARE = 0.5  # of the vertices: fewer Gaussians may match by chance, and gain little
 
@@ -42,25 +42,32 @@ def vertex_triangles(template: Template) -> Int[np.ndarray, " m"]:
 
 
 def match_vertices(binding: Int[np.ndarray, " n"], template: Template) -> Int[np.ndarray, " n"] | None:
-    """Find the vertex of each Gaussian, if they are an ordered subset of all vertices.
+    """Find the vertex of each Gaussian, if they are an ordered subset of all vertices: in the head's order, or as a file was decoded.
 
     Args:
         binding: triangle of each Gaussian, in the avatar's own order.
         template: of its head.
 
     Returns:
-        (n,) vertices as `vertex_triangles` counts them, ascending; None where the avatar is no such one.
+        (n,) vertices in coding order; None where the avatar is no such one.
     """
-    expected = vertex_triangles(template).tolist() if template.known else []
-    if len(binding) < LEAST_SHARE * len(expected) or not expected:
+    if not template.known or len(binding) < LEAST_SHARE * len(template.vertices):
         return None
-    vertices = np.empty(len(binding), np.int64)
-    vertex = 0
+    found = ordered_subset(binding, vertex_triangles(template))
+    if found is not None:
+        return np.asarray(np.argsort(template.vertices.order)[found])
+    return ordered_subset(binding, triangle_of(template))
+
+
+def ordered_subset(binding: Int[np.ndarray, " n"], expected: Int[np.ndarray, " m"]) -> Int[np.ndarray, " n"] | None:
+    """Give where a sequence stands in a longer one, ascending; None where it does not."""
+    places, listed = np.empty(len(binding), np.int64), expected.tolist()
+    place = 0
     for row, triangle in enumerate(binding.tolist()):
-        while vertex < len(expected) and expected[vertex] != triangle:
-            vertex += 1
-        if vertex == len(expected):
+        while place < len(listed) and listed[place] != triangle:
+            place += 1
+        if place == len(listed):
             return None
-        vertices[row] = vertex
-        vertex += 1
-    return vertices
+        places[row] = place
+        place += 1
+    return places

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.codec.anchor_search import search_vertices
 from sacha_core.codec.anchors import match_vertices
 from sacha_core.codec.colour import encode_colour
 from sacha_core.codec.container import Section, pack_sections
@@ -208,7 +209,7 @@ def prepare(
         importance = importance.with_axes(np.argsort(-gaussians.log_scale, axis=1, kind="stable"))
     log_scale, quaternion = sort_axes(gaussians.log_scale, gaussians.quaternion)
     log_scale = raise_thin_axes(log_scale, level.max_thinness)
-    place, by_vertex = places_of(gaussians.binding, template)
+    place, by_vertex = places_of(gaussians, template)
     order = np.lexsort((*gaussians.position.T, *log_scale.T[::-1], -index, place))
     gaussians, index, log_scale, quaternion = gaussians.select(order), index[order], log_scale[order], quaternion[order]
     importance = None if importance is None else importance.select(order)
@@ -265,12 +266,14 @@ def encode_planned(
     ]
 
 
-def places_of(binding: Int[np.ndarray, " n"], template: Template) -> tuple[Int[np.ndarray, " n"], bool]:
+def places_of(gaussians: Gaussians, template: Template) -> tuple[Int[np.ndarray, " n"], bool]:
     """Give the place of each Gaussian in coding order, and whether places are vertices rather than triangles."""
-    vertices = match_vertices(binding, template)
+    vertices = match_vertices(gaussians.binding, template)
     if vertices is None:
-        return np.argsort(template.order)[binding], False
-    return np.argsort(template.vertices.order)[vertices], True
+        vertices = search_vertices(gaussians.binding, gaussians.position, template)
+    if vertices is None:
+        return np.argsort(template.order)[gaussians.binding], False
+    return vertices, True
 
 
 def raise_thin_axes(log_scale: Float[np.ndarray, "n 3"], max_thinness: float) -> Float[np.ndarray, "n 3"]:

@@ -101,15 +101,16 @@ def test_triangles_of_vertices_against_subdivision():
     assert vertex_triangles(TEMPLATE).tolist() == naive_vertex_triangles(HEAD.faces, len(HEAD.v_template))
 
 
-@given(st.integers(0, 1000), st.sampled_from([0.6, 0.95, 1.0]))
-def test_ordered_subsets_of_the_vertices_are_found(seed, share):
-    bound = vertex_triangles(TEMPLATE)
+@given(st.integers(0, 1000), st.sampled_from([0.6, 0.95, 1.0]), st.booleans())
+def test_ordered_subsets_of_the_vertices_are_found(seed, share, as_decoded):
+    bound, order = vertex_triangles(TEMPLATE), TEMPLATE.vertices.order
+    listed = bound[order] if as_decoded else bound
     subset = np.flatnonzero(np.random.default_rng(seed).random(len(bound)) < share)
-    found = match_vertices(bound[subset], TEMPLATE)
-    assert np.array_equal(bound[found], bound[subset])
-    assert (np.diff(found) > 0).all()
+    found = match_vertices(listed[subset], TEMPLATE)
+    assert np.array_equal(bound[order][found], listed[subset])
+    assert (np.diff(found if as_decoded else order[found]) > 0).all()
     if share == 1:
-        assert np.array_equal(found, subset)
+        assert np.array_equal(found if as_decoded else order[found], subset)
 
 
 def test_other_avatars_are_not_taken_for_one_with_a_gaussian_a_vertex():
