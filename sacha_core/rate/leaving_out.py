@@ -47,7 +47,7 @@ class Leaving:
     @classmethod
     def of(cls, gaussians: Gaussians, grounds: Grounds, pictures: Pictures, rasteriser: Rasteriser) -> Leaving:
         """Measure what the decision needs at every level."""
-        return cls(gaussians, grounds, pictures, look_at(gaussians, grounds, pictures, rasteriser))
+        return cls(gaussians, grounds, pictures, look_at(gaussians, grounds, rasteriser))
 
     def rows(
         self, price: float, bits: float, rasteriser: Rasteriser, factors: Float[np.ndarray, " n"] | None = None

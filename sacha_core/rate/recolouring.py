@@ -19,7 +19,7 @@ from sacha_core.avatar.binding import WorldGaussians
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.kernels.harmonics import BASIS
-from sacha_core.raster.rasteriser import Frame, Rasteriser
+from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.splats import Splats
 from sacha_core.rate.curvature import draw
 from sacha_core.rate.views import Shot
@@ -48,19 +48,11 @@ class Pictures:
         self._truth, self.shots = truth, tuple(shots)
         self._drawn: list[Picture] = []
 
-    def draw(self, rasteriser: Rasteriser) -> Iterator[Frame]:
-        """Draw them, pose after pose, and keep them; each frame holds until the next."""
-        self._drawn = []
-        for world, camera in views_of(self._truth, self.shots):
-            frame = draw(self._truth, world, camera, rasteriser)
-            self._drawn.append(frame.image.copy())
-            yield frame
-
     def drawn(self, rasteriser: Rasteriser) -> list[Picture]:
         """Give them, pose after pose."""
         if not self._drawn:
-            for _ in self.draw(rasteriser):
-                pass
+            for world, camera in views_of(self._truth, self.shots):
+                self._drawn.append(draw(self._truth, world, camera, rasteriser).image.copy())
         return self._drawn
 
 

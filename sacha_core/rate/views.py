@@ -86,19 +86,22 @@ def protocol_shots(avatar: Avatar, head: HeadModel, n_frames: int = 12, share: f
     return ring_shots(avatar, head, motion, times.tolist(), PROTOCOL_VIEWS, share)
 
 
-def measuring_shots(avatar: Avatar, head: HeadModel, n_cameras: int, n_frames: int = 12) -> tuple[Shot, ...]:
+def measuring_shots(
+    avatar: Avatar, head: HeadModel, n_cameras: int, n_frames: int = 12, share: float = 0.5
+) -> tuple[Shot, ...]:
     """Give views by which numbers are weighed: other cameras for each pose, spread over the front, every sixth behind.
 
-    Poses lie far from one another: each is the one that differs most from those taken before. Half the resolution of `protocol_shots`.
+    Poses lie far from one another: each is the one that differs most from those taken before.
 
     Args:
         avatar: as there.
         head: likewise.
         n_cameras: for each pose.
         n_frames: poses.
+        share: of the resolution of `protocol_shots`.
     """
     motion = avatar.motion if avatar.motion is not None and len(avatar.motion) else stock_motion(head)
-    return spread_shots(avatar, head, motion, different_frames(motion, n_frames), n_cameras, 0.5)
+    return spread_shots(avatar, head, motion, different_frames(motion, n_frames), n_cameras, share)
 
 
 def spread_shots(

@@ -30,7 +30,7 @@ __all__ = ["PRUNING_BITS", "Grounds", "grounds_for", "prune", "removal_errors"]
 # seems worth less than it is.
 PRUNING_BITS = 4.0
 ROUNDS = 6
-CAMERAS, STOCK_CAMERAS = 2, 1  # a pose
+CAMERAS, STOCK_CAMERAS, FINE_CAMERAS = 2, 1, 1  # a pose
 STOCK_SHARE = 0.25  # of the weight: what only other expressions show counts a quarter
 
 
@@ -41,10 +41,12 @@ class Grounds:
     Args:
         own: of the avatar's motion.
         stock: of expressions that its motion may lack; none where it has no motion, and `own` are such.
+        fine: of the avatar's motion at the resolution that files are judged at, twice that of the others.
     """
 
     own: tuple[Shot, ...]
     stock: tuple[Shot, ...]
+    fine: tuple[Shot, ...]
 
 
 def grounds_for(avatar: Avatar, head: HeadModel) -> Grounds:
@@ -58,7 +60,7 @@ def grounds_for(avatar: Avatar, head: HeadModel) -> Grounds:
     if avatar.motion is not None and len(avatar.motion):
         playing = replace(avatar, motion=stock_motion(head, avatar.motion))
         stock = measuring_shots(playing, head, STOCK_CAMERAS)
-    return Grounds(own, stock)
+    return Grounds(own, stock, measuring_shots(avatar, head, FINE_CAMERAS, share=1.0))
 
 
 def removal_errors(

@@ -15,6 +15,7 @@ from sacha_core.codec.levels import level_at
 from sacha_core.flame.model import HeadModel
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.scene import render_avatar
+from sacha_core.rate.covering import FINE_PIXELS
 from sacha_core.rate.encoding import RenderingEncoder, encode_by_rendering
 from sacha_core.rate.judging import Judge
 from sacha_core.rate.views import protocol_shots, stock_motion
@@ -66,6 +67,10 @@ def test_the_hidden_go_first_and_their_error_stays_below_what_was_allowed(
     avatar: Avatar, head: HeadModel, rasteriser: Rasteriser
 ) -> None:
     grounds, n = grounds_for(avatar, head), len(avatar.gaussians)
+    coarse, fine = (
+        sum(shot.cameras[0].width * shot.cameras[0].height for shot in shots) for shots in (grounds.own, grounds.fine)
+    )
+    assert fine == pytest.approx(FINE_PIXELS * coarse, rel=0.02)  # a camera's sides are whole pixels
     elsewhere = STOCK_SHARE * removal_errors(avatar.gaussians, grounds.stock, rasteriser)
     assert len(prune(avatar.gaussians, grounds.own, elsewhere, 0.0, rasteriser)) == n
     least = 1e-3

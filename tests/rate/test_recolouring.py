@@ -17,7 +17,7 @@ from sacha_core.flame.model import HeadModel
 from sacha_core.raster.kernels.harmonics import BASIS
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.splats import Splats
-from sacha_core.rate.covering import COVER, Seen, cover_enough, look_at
+from sacha_core.rate.covering import COVER, FINE_PIXELS, Seen, cover_enough, look_at
 from sacha_core.rate.curvature import draw, importance_of
 from sacha_core.rate.encoding import RenderingEncoder
 from sacha_core.rate.judging import Judge
@@ -77,7 +77,7 @@ def seen_of(
     gaussians: Gaussians, shots: tuple[Shot, ...], rasteriser: Rasteriser, stock: tuple[Shot, ...] = ()
 ) -> Seen:
     """Look at Gaussians in their own views."""
-    return look_at(gaussians, Grounds(shots, stock), Pictures(gaussians, shots), rasteriser)
+    return look_at(gaussians, Grounds(shots, stock, shots), rasteriser)
 
 
 def test_colours_solve_the_least_squares_problem(avatar, shots, rasteriser):
@@ -165,7 +165,7 @@ def test_what_is_seen_of_each_is_its_weight_in_the_pictures(avatar, shots, raste
     own, stock = shots[:2], shots[2:]
     seen = seen_of(few, own, rasteriser, stock)
     sums = weights_by_drawing(few, shots, rasteriser).sum(axis=(2, 3))
-    weight = np.maximum(sums[:2].mean(axis=0), STOCK_SHARE * sums[2:].mean(axis=0))
+    weight = np.maximum(sums[:2].mean(axis=0), FINE_PIXELS * STOCK_SHARE * sums[2:].mean(axis=0))
     expected = light_gaussian_score(weight, np.exp(few.log_scale.astype(np.float64)))
     np.testing.assert_allclose(seen.cover, expected, rtol=SUMMED)
     np.testing.assert_allclose(seen.missed, STOCK_SHARE * removal_errors(few, stock, rasteriser), rtol=SUMMED)
@@ -189,7 +189,7 @@ def test_faint_layers_stay_that_are_missed_together(avatar, head, shots, rasteri
     faint = replace(gaussians, opacity_logit=np.full(n, -4.0, np.float32), log_scale=np.full((n, 3), -1.5, np.float32))
     rows = np.tile(np.arange(len(faint)), layers)
     many = faint.select(rows)
-    grounds, pictures = Grounds(shots, ()), Pictures(many, shots)
+    grounds, pictures = Grounds(shots, (), shots), Pictures(many, shots)
     leaving = Leaving.of(many, grounds, pictures, rasteriser)
     alone = removal_errors(many, shots, rasteriser)
     price = float(np.quantile(alone[alone > 0], 0.9)) / PRUNING_BITS
