@@ -197,5 +197,5 @@ def notes(preset: Preset) -> tuple[str, ...]:
     return (
         f"Budgets train `{VARIANT}` on {filmed}, each once; a run's quality is the same to the bit each time, its seconds are not.",
         f"Iterations train a made avatar with harmonics of degree {DEGREE}, one camera each; medians of interleaved rounds.",
-        "Gradients go back through the projection in the stage `gradients`; in the rasteriser alone that is a stage of its own.",
+        "Gradients go back through the projection and on to the pose in the stage `gradients`; the rasteriser alone has one of its own.",
     )

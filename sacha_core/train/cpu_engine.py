@@ -21,7 +21,7 @@ from sacha_core.train.faults import LARGEST_GRADIENT, Fault
 from sacha_core.train.gradients import GaussianGradients
 from sacha_core.train.looking import Looker
 from sacha_core.train.masks import mask_gradient, mask_penalty
-from sacha_core.train.optimiser import Adam
+from sacha_core.train.optimiser import Adam, MotionSlopes, Slopes
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.rig import Rig
 from sacha_core.train.state import FITTED_MOTION, MASK_LOGIT, Arrays, TrainState
@@ -114,11 +114,9 @@ class CpuEngine:
             colours = () if "sh_rest" in void else self._gradients.colours
             if MASK_LOGIT not in void:
                 gradients |= self._masks
-            if gradients or colours:
-                means = self._drawer.splats.means
-                self._adam.step_gaussians(self._state, gradients, means, colours, self._degree, rates)
-            if self._motion:
-                self._adam.step_motion(self._state, self._timestep, self._motion, rates)
+            slopes = Slopes(gradients, self._drawer.splats.means, colours, self._degree)
+            motion = MotionSlopes(self._timestep, self._motion) if self._motion else None
+            self._adam.step(self._state, rates, slopes, motion)
 
     def add(self, slopes: Mapping[str, np.ndarray]) -> None:
         """Add to the gradients kept: of what is lost beside the pictures."""
@@ -182,8 +180,7 @@ class CpuEngine:
             losses["mask"] = self._find_mask_gradient(state.values[MASK_LOGIT])
             losses["total"] += losses["mask"]
         if self._fine_tune:
-            with self._time("posing backward"):
-                self._motion = self._rig.backward(pose, row)
+            self._motion = self._rig.slopes(row)
         return self._cause(losses["total"])
 
     def _find_mask_gradient(self, mask_logit: Float[np.ndarray, " n"]) -> float:

@@ -8,20 +8,19 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from sacha_core.animation.posed import Pose, block_bounds
+from sacha_core.animation.posed import Pose
 from sacha_core.parallel.buffers import Buffers
 from sacha_core.parallel.kept import Kept
-from sacha_core.parallel.kernels.lanes import LANES
+from sacha_core.parallel.kernels.turns import new_turns
 from sacha_core.parallel.pool import Pool
 from sacha_core.raster.harmonics import sh_rest_gradient
 from sacha_core.raster.kernels.harmonics import BASIS
-from sacha_core.raster.kernels.project_backward import project_backward
 from sacha_core.raster.rasteriser import Frame, HalfWay
 from sacha_core.raster.splats import SplatGradients, Splats
 from sacha_core.train.faults import LARGEST_GRADIENT
 from sacha_core.train.kernels.carry_backward import PULLS
+from sacha_core.train.kernels.go_back import PARTS, go_back
 from sacha_core.train.kernels.settle import SCRATCH
-from sacha_core.train.kernels.take_view import take_view
 from sacha_core.train.options import LossOptions
 from sacha_core.train.rig import Rig
 from sacha_core.train.state import TrainState
@@ -29,6 +28,7 @@ from sacha_core.train.state import TrainState
 __all__ = ["GaussianGradients", "ViewColours"]
 
 CHUNKS = 32  # of triangles, fixed, so that penalties are summed in the same order by any number of threads
+GROUPS = np.arange(0, CHUNKS + 1, 2)  # of chunks, jobs of threads
 # in the order in which one spoils the next: a colour's gradient reaches the mean through the direction of view
 WIDTHS = {"sh_dc": 3, "sensitivity_logit": 1, "opacity_logit": 1, "log_scale": 3, "quaternion": 4, "position": 3}
 
@@ -99,9 +99,9 @@ class GaussianGradients:
 
     Args:
         losses: weights and limits of the penalties.
-        rig: whose triangles carry the Gaussians, and to whose corners gradients go.
+        rig: whose triangles carry the Gaussians, and to whose pose gradients go.
         pool: shares out the work.
-        with_mesh: whether gradients go on to the triangles.
+        with_mesh: whether gradients go on to the pose, where `Rig.slopes` finds them.
 
     Attributes:
         by_name: of the attributes but `sh_rest`, by name.
@@ -115,7 +115,7 @@ class GaussianGradients:
         self._rig, self._pool, self._with_mesh = rig, pool, with_mesh
         self._limits = np.array([losses.position_limit, losses.scale_limit, losses.position, losses.scale], np.float32)
         self._buffers = Buffers()
-        self._jobs = block_bounds(CHUNKS, 1, pool.threads)
+        self._sound = np.ones(len(GROUPS) - 1, bool)
         self._chunked: Kept[Chunks] = Kept()
         self._settled: Kept[Settling] = Kept()
         self.penalties = (0.0, 0.0)
@@ -137,7 +137,7 @@ class GaussianGradients:
         self._state, self._splats, self._views = state, splats, views
         self.by_name, self.lengths, self.seen = self._settling.by_name, self._settling.lengths, self._settling.seen
         self.colours: list[ViewColours] = []
-        self._sound = [True] * (len(self._jobs) - 1)
+        self._pose = pose
 
     def _prepare(self, state: TrainState, pose: Pose, splats: Splats) -> Settling:
         """Give where gradients go, and what `settle` wants."""
@@ -174,9 +174,9 @@ class GaussianGradients:
             width: of the whole image, pixels.
             height: likewise.
         """
-        chunks, jobs, views, slopes = self._chunks, self._jobs, self._views, half_way.slopes
-        view, settling = len(self.colours), self._settling
-        cut = self._space(f"cut {view}", len(self._state), 3)
+        chunks, views, slopes = self._chunks, self._views, half_way.slopes
+        view, settling, way = len(self.colours), self._settling, self._rig.way_back(self._pose)
+        cut, last = self._space(f"cut {view}", len(self._state), 3), view == views - 1
         self.colours.append(ViewColours(np.asarray(frame.camera.centre, np.float32), cut))
         half_sides = np.float32(views * width / 2), np.float32(views * height / 2)  # as if there were no other view
         part = np.float32(1 / (views * max(int(np.count_nonzero(frame.visible)), 1)))
@@ -187,22 +187,23 @@ class GaussianGradients:
         )  # fmt: skip
         own = of_slopes(slopes)
         totals = self._totals(own) if views > 1 else own
-        self._project_shared(half_way)
+        turns, before = new_turns(PARTS), (*settling.before, *totals, *settling.after)
 
-        def job(worker: int, k: int) -> None:
-            self._sound[k] = take_view(
-                jobs[k], jobs[k + 1], chunks.rows, len(self._state), half_way.scratch[worker], half_way.arguments, colours, notes,
-                own, totals, view == views - 1, (*settling.before, *totals, *settling.after, *settling.spaces[worker]),
+        def work(worker: int, _: int) -> None:
+            go_back(
+                turns, GROUPS, chunks.rows, len(self._state), self._sound, half_way.scratch[worker], half_way.arguments,
+                (colours, notes, own, totals, last, (*before, *settling.spaces[worker])),
+                self._with_mesh and last, way.blocks, way.skin, way.spaces[worker], way.sums, way.joints,
             )  # fmt: skip
 
-        self._pool.run(job, len(jobs) - 1)
-        if view == views - 1:
+        self._pool.run(work, self._pool.threads)
+        if last:
             strayed, swollen = settling.penalties.sum(axis=0)
             self.penalties = float(strayed), float(swollen)
 
     def fault(self) -> tuple[str, int] | None:
         """Give the attribute and the row of the first gradient that is not finite or too large to go on with; None if all are sound."""
-        if all(self._sound):
+        if self._sound.all():
             return None
         flat = [np.abs(self.by_name[name].reshape(len(self.seen), -1)).max(axis=1) for name in WIDTHS]
         wrong = ~(np.stack(flat, axis=1) <= LARGEST_GRADIENT)
@@ -215,12 +216,6 @@ class GaussianGradients:
         for view in self.colours:
             total += sh_rest_gradient(self._splats.means, view.centre, degree, view.cut, total.shape[1])
         return total
-
-    def _project_shared(self, half_way: HalfWay) -> None:
-        """Carry those blocks of lanes back through the projection that belong to two jobs."""
-        rows = self._chunks.rows[self._jobs]
-        for block in {row // LANES * LANES for row in rows[1:-1].tolist() if row % LANES and row < rows[-1]}:
-            project_backward(block, min(block + LANES, len(self._state)), half_way.scratch[0], *half_way.arguments)
 
     def _totals(self, slopes: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
         """Give space for the sums over views."""

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from sacha_core.animation.kernels.posing import BLOCK
-from sacha_core.animation.posed import Pose, PosedHead, block_bounds
+from sacha_core.animation.posed import Pose, PosedHead
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import TURNS, HeadMotion
+from sacha_core.parallel.kept import Kept
 from sacha_core.parallel.pool import Pool
 from sacha_core.train.kernels.pose_backward import pose_backward, vertices_backward
 from sacha_core.train.state import Arrays
@@ -21,6 +23,24 @@ PLACES = {  # of the parameters in a row of numbers
     "rotation": slice(0, 3), "neck": slice(3, 6), "jaw": slice(6, 9), "eyes": slice(9, 15), "translation": slice(15, 18),
     "expression": slice(18, None),
 }  # fmt: skip
+
+
+class WayBack(NamedTuple):
+    """What kernels want that go back from the corners of triangles to a pose.
+
+    Args:
+        blocks: of vertices, each of which leaves sums of its own.
+        skin: what `vertices_backward` wants after the blocks.
+        spaces: (threads, s) that it works in.
+        sums: that it leaves.
+        joints: what `pose_backward` wants after those.
+    """
+
+    blocks: int
+    skin: tuple[Any, ...]
+    spaces: Float[np.ndarray, "t s"]
+    sums: tuple[np.ndarray, ...]
+    joints: tuple[Any, ...]
 
 
 class Rig:
@@ -53,8 +73,7 @@ class Rig:
         self._first_corner = np.searchsorted(corners[self._corners], np.arange(head.n_vertices + 1)).astype(np.int32)
         poser = self._posed.poser
         blocks, j = -(-head.n_vertices // BLOCK), len(poser.parents)
-        self._bounds = block_bounds(blocks, 1, pool.threads)
-        self._space = np.empty((len(self._bounds) - 1, 3 * BLOCK), dtype)
+        self._blocks, self._spaces = blocks, np.empty((pool.threads, 3 * BLOCK), dtype)
         self._sums = np.zeros((blocks, j, 3, 4)), np.zeros((blocks, 3)), np.zeros((blocks, len(poser.directions)))
         self._row = np.zeros(PLACES["expression"].start + poser.joint_directions.shape[2])
         self._slopes = (
@@ -62,6 +81,7 @@ class Rig:
             self._row[: PLACES["eyes"].stop].reshape(5, 3),
             self._row[PLACES["translation"]],
         )
+        self._way_back: Kept[WayBack] = Kept()
 
     def pose(self, parameters: Mapping[str, Float[np.ndarray, " p"]]) -> Pose:
         """Pose the head.
@@ -79,6 +99,29 @@ class Rig:
         vectors = np.concatenate([parameters[name] for name in TURNS]).reshape(5, 3)
         return self._posed.pose(parameters["expression"], vectors, parameters["translation"])
 
+    def way_back(self, pose: Pose) -> WayBack:
+        """Give what kernels want that go back to the parameters of the last pose; `slopes` then gives what they found."""
+        return self._way_back.of(lambda: self._find_way_back(pose), pose)
+
+    def _find_way_back(self, pose: Pose) -> WayBack:
+        poser, corners = self._posed.poser, (self._corners, self._first_corner, self.g_corners.reshape(-1, 3))
+        skin = (*corners, pose.unposed, poser.weights, pose.transforms, poser.directions, self._posed.moves)
+        joints = (
+            pose.vectors, pose.rotations, pose.joints, poser.parents, pose.transforms, poser.joint_directions,
+            poser.has_correctives, *self._slopes,
+        )  # fmt: skip
+        return WayBack(self._blocks, skin, self._spaces, self._sums, joints)
+
+    def slopes(self, like: Mapping[str, Float[np.ndarray, " p"]]) -> Arrays:
+        """Give the gradient by the parameters of the last pose, where a kernel left it.
+
+        Args:
+            like: the parameters, whose lengths and dtypes the gradients get.
+        """
+        row = np.zeros(PLACES["expression"].start + len(like["expression"]), like["expression"].dtype)
+        row[: len(self._row)] = self._row
+        return {name: row[PLACES[name]] for name in like}
+
     def backward(self, pose: Pose, like: Mapping[str, Float[np.ndarray, " p"]]) -> Arrays:
         """Give the gradient by the parameters of the pose that `g_corners` stands for.
 
@@ -86,20 +129,11 @@ class Rig:
             pose: the last.
             like: its parameters, whose lengths and dtypes the gradients get.
         """
-        poser, bounds, unposed = self._posed.poser, self._bounds, pose.unposed
-        g_corners = self.g_corners.reshape(-1, 3)
+        way = self.way_back(pose)
 
-        def job(_: int, k: int) -> None:
-            vertices_backward(
-                bounds[k], bounds[k + 1], self._corners, self._first_corner, g_corners, unposed, poser.weights, pose.transforms,
-                poser.directions, self._posed.moves, self._space[k], *self._sums,
-            )  # fmt: skip
+        def job(worker: int, block: int) -> None:
+            vertices_backward(block, block + 1, *way.skin, way.spaces[worker], *way.sums)
 
-        self._pool.run(job, len(bounds) - 1)
-        pose_backward(
-            *self._sums, pose.vectors, pose.rotations, pose.joints, poser.parents, pose.transforms, poser.joint_directions,
-            poser.has_correctives, *self._slopes,
-        )  # fmt: skip
-        row = np.zeros(PLACES["expression"].start + len(like["expression"]), like["expression"].dtype)
-        row[: len(self._row)] = self._row
-        return {name: row[PLACES[name]] for name in like}
+        self._pool.run(job, way.blocks)
+        pose_backward(*way.sums, *way.joints)
+        return self.slopes(like)

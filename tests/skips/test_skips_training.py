@@ -15,7 +15,7 @@ from sacha_core.raster.harmonics import sh_rest_gradient
 from sacha_core.train.density_control import calibrate
 from sacha_core.train.gradients import ViewColours
 from sacha_core.train.importance import SeenWeights
-from sacha_core.train.optimiser import Adam
+from sacha_core.train.optimiser import Adam, Slopes
 from sacha_core.train.options import DensityOptions, PruningOptions, TrainOptions
 from sacha_core.train.regions import Regions
 from sacha_core.train.state import TrainState, initial_state
@@ -66,9 +66,9 @@ def test_coefficients_at_rest_in_adam() -> None:
     assert np.array_equal(some.values["sh_rest"], every.values["sh_rest"])
     before = some.values["sh_rest"].copy()
     for _ in range(3):
-        Adam(pool).step_gaussians(some, {}, means, [ViewColours(centre, cut)], 1, rates)
+        Adam(pool).step(some, rates, Slopes({}, means, [ViewColours(centre, cut)], 1))
         gradient = sh_rest_gradient(means, centre, 1, cut, 15)
-        Adam(pool).step_gaussians(every, {"sh_rest": gradient}, means, [], 1, rates)
+        Adam(pool).step(every, rates, Slopes({"sh_rest": gradient}, means))
     for kind in ("values", "first", "second"):
         assert np.array_equal(getattr(some, kind)["sh_rest"], getattr(every, kind)["sh_rest"]), kind
     assert (some.values["sh_rest"][:, :3] != before[:, :3]).mean() > 0.99

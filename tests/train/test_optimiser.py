@@ -11,7 +11,7 @@ from sacha_core.avatar.motion import Motion
 from sacha_core.bench.stability.exact_step import harmonics
 from sacha_core.parallel.pool import Pool
 from sacha_core.train.gradients import ViewColours
-from sacha_core.train.optimiser import BETAS, EPSILON, Adam
+from sacha_core.train.optimiser import BETAS, EPSILON, Adam, MotionSlopes, Slopes
 from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, TrainState, initial_state
 
 STEPS = 12
@@ -66,7 +66,7 @@ def test_steps_are_those_of_torch(degree: int, cameras: int) -> None:
         if degree > 0:
             tensors["sh_rest"].grad = torch.tensor(by_rest(means, colours, degree).astype(np.float32))
         reference.step()
-        Adam(Pool(2)).step_gaussians(state, made, means, colours, degree, rates)
+        Adam(Pool(2)).step(state, rates, Slopes(made, means, colours, degree))
     for name in names:
         assert state.values[name] == pytest.approx(tensors[name].detach().numpy(), abs=FLOAT32 * STEPS * rates[name]), (
             name
@@ -90,7 +90,7 @@ def test_motion_steps_are_those_of_torch() -> None:
             tensors[name].grad = torch.zeros_like(tensors[name])
             tensors[name].grad[timestep] = torch.tensor(row)
         reference.step()
-        Adam(Pool(1)).step_motion(state, timestep, rows, rates)
+        Adam(Pool(1)).step(state, rates, None, MotionSlopes(timestep, rows))
     for name in FITTED_MOTION:
         assert state.values[name] == pytest.approx(tensors[name].detach().numpy(), abs=FLOAT32 * STEPS * rates[name]), (
             name
@@ -106,7 +106,7 @@ def test_threads_change_no_bit() -> None:
         for step in range(2):
             means, colours = views(step, 2)
             rates = dict.fromkeys(ATTRIBUTES, 0.01)
-            Adam(Pool(threads)).step_gaussians(state, gradients(state, step), means, colours, 3, rates)
+            Adam(Pool(threads)).step(state, rates, Slopes(gradients(state, step), means, colours, 3))
         results.append(state.values)
     for name in ATTRIBUTES:
         assert np.array_equal(results[0][name], results[1][name]), name
@@ -118,7 +118,7 @@ def test_without_gradient_nothing_moves_from_rest_and_no_moment_is_denormal() ->
     means = np.zeros((N, 3), np.float32)
 
     def step(slope: float) -> None:
-        Adam(Pool(1)).step_gaussians(state, {name: np.full_like(before, slope)}, means, [], 0, {name: 0.1})
+        Adam(Pool(1)).step(state, {name: 0.1}, Slopes({name: np.full_like(before, slope)}, means))
 
     step(0)
     assert np.array_equal(state.values[name], before)

@@ -15,7 +15,7 @@ from sacha_core.train.cpu_engine import CpuEngine
 from sacha_core.train.density_control import calibrate
 from sacha_core.train.gradients import ViewColours
 from sacha_core.train.importance import SeenWeights
-from sacha_core.train.optimiser import Adam
+from sacha_core.train.optimiser import Adam, Slopes
 from sacha_core.train.options import DensityOptions, PruningOptions, TrainOptions
 from sacha_core.train.regions import head_regions
 from sacha_core.train.state import initial_state
@@ -71,11 +71,11 @@ def resting_coefficients(n: int, preset: Preset) -> Work:
     colours, rates = ViewColours(centre, cut), {"sh_rest": 1e-3}
 
     def active() -> None:
-        Adam(pool).step_gaussians(states[0], {}, means, [colours], 1, rates)
+        Adam(pool).step(states[0], rates, Slopes({}, means, [colours], 1))
 
     def every() -> None:
         gradient = sh_rest_gradient(means, centre, 1, cut, 15)
-        Adam(pool).step_gaussians(states[1], {"sh_rest": gradient}, means, [], 1, rates)
+        Adam(pool).step(states[1], rates, Slopes({"sh_rest": gradient}, means))
 
     def error() -> float:
         active()

@@ -16,7 +16,7 @@ from sacha_core.raster.rasteriser import Frame, HalfWay
 from sacha_core.raster.splats import SplatGradients
 from sacha_core.train import gradients
 from sacha_core.train.gradients import GaussianGradients
-from sacha_core.train.kernels.take_view import take_view
+from sacha_core.train.kernels.go_back import go_back
 
 __all__ = ["spoiled_gradients"]
 
@@ -32,18 +32,16 @@ def spoiled_gradients(spoil: Callable[[Frame, SplatGradients], None]) -> Iterato
         for start, stop in pairwise(half_way.chunks):
             project_backward(start, stop, half_way.scratch[0], *half_way.arguments)
         spoil(frame, half_way.slopes)
-        with patch.object(gradients, "take_view", take_projected), patch.object(gradients, "project_backward", nothing):
+        with patch.object(gradients, "go_back", go_back_projected):
             healthy(self, frame, half_way, *rest)
 
     with patch.object(GaussianGradients, "add_view", add_view):
         yield
 
 
-def take_projected(first: int, last: int, rows: Any, n: int, scratch: Any, projecting: Any, *rest: Any) -> Any:
-    """Do what `take_view` does with gradients that are there already: what it projects itself goes elsewhere."""
+def go_back_projected(
+    turns: Any, groups: Any, rows: Any, n: int, sound: Any, scratch: Any, projecting: Any, *rest: Any
+) -> None:
+    """Do what `go_back` does with gradients that are there already: what it projects itself goes elsewhere."""
     elsewhere = (*projecting[:-WRITTEN], *map(np.empty_like, projecting[-WRITTEN:]))
-    return take_view(first, last, rows, n, scratch, elsewhere, *rest)
-
-
-def nothing(*_: Any) -> None:
-    """Do nothing."""
+    go_back(turns, groups, rows, n, sound, scratch, elsewhere, *rest)

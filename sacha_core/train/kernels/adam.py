@@ -19,6 +19,7 @@ from sacha_core.parallel.kernels.lanes import (
     store_first,
     zeros,
 )
+from sacha_core.parallel.kernels.turns import take_turn
 from sacha_core.raster.kernels.harmonics import NUMBERS, rest_gradients
 
 F = np.float32
@@ -157,3 +158,29 @@ def harmonics_range(
                 value, slopes, mean, square, pitch * row + k, pitch * count - k, k,
                 rate, beta1, beta2, rest1, rest2, epsilon, square_correction,
             )  # fmt: skip
+
+
+@kernel
+def step_in_turns(turns, moves, motion, rest_bounds, degree, harmonics, plain_bounds, plain):
+    """Take one step with all that has gradients, in one call of each thread; jobs do not depend on one another.
+
+    Args:
+        turns: one row of `turns.new_turns`.
+        moves: whether the motion steps.
+        motion: what `step_one_row` wants.
+        rest_bounds: (a + 1,) bounds of ranges of Gaussians whose harmonics of degree 1 and up step.
+        degree: of those, 1 to 3.
+        harmonics: what `harmonics_range` wants after that.
+        plain_bounds: (b + 1,) likewise, of those whose other attributes step.
+        plain: what `step_range` wants after the rows.
+    """
+    by_rest, by_plain = len(rest_bounds) - 1, len(plain_bounds) - 1
+    job = take_turn(turns)
+    while job <= by_rest + by_plain:
+        if job < by_rest:
+            harmonics_range(rest_bounds[job], rest_bounds[job + 1], degree, *harmonics)
+        elif job < by_rest + by_plain:
+            step_range(plain_bounds[job - by_rest], plain_bounds[job - by_rest + 1], *plain)
+        elif moves:
+            step_one_row(*motion)
+        job = take_turn(turns)

@@ -90,7 +90,7 @@ def project(first, directions, moves, rows, gradient, out):
         out[k], out[k1], out[k2], out[k3] = sum_a, sum_b, sum_c, sum_d
 
 
-@kernel
+@kernel(forceinline=True)  # what it calls may round otherwise in other surroundings
 def vertices_backward(
     start, stop, corners, first_corner, g_corners, unposed, weights, transforms, directions, moves,
     g_unposed, g_transforms, g_translations, g_coefficients,

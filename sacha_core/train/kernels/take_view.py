@@ -26,7 +26,7 @@ def whole_blocks(start, stop, n):
 def take_view(first, last, rows_of, n, scratch, projecting, colours, notes, own, totals, last_view, settling):
     """Add a view's gradients of the chunks `first` to `last`, and settle them with the last view.
 
-    Those blocks of sixteen Gaussians that belong to two ranges of chunks must have come back through the projection before.
+    Those blocks of sixteen Gaussians that belong to two ranges of chunks must have come back through the projection before (`go_back`).
 
     Args:
         first: chunk.

@@ -1,0 +1,57 @@
+"""All that gradients go through on their way from a picture's entries to the parameters of the pose, in one call of each thread."""
+
+from __future__ import annotations
+
+from sacha_core.parallel.kernels.kernel import kernel
+from sacha_core.parallel.kernels.lanes import LANES
+from sacha_core.parallel.kernels.turns import finish_turn, take_turn, wait_for_turns
+from sacha_core.raster.kernels.project_backward import project_backward
+from sacha_core.train.kernels.pose_backward import pose_backward, vertices_backward
+from sacha_core.train.kernels.take_view import take_view
+
+PARTS = 4  # each needs all of the one before: blocks that ranges share, ranges of chunks, blocks of vertices, the pose
+
+
+@kernel
+def go_back(turns, groups, rows_of, n, sound, scratch, projecting, view, with_mesh, blocks, skin, space, sums, joints):
+    """Take a view's gradients; with the last view, settle them, and go on to the pose where it is wanted.
+
+    Args:
+        turns: (PARTS, ...) of `turns.new_turns`.
+        groups: (g + 1,) bounds of ranges of chunks, jobs of the second part.
+        rows_of: (chunks + 1,) first Gaussian of each chunk.
+        n: how many Gaussians there are.
+        sound: (g,) bool out: whether all gradients of a range are.
+        scratch: of this thread, that `project_backward` works in.
+        projecting: what it wants after that.
+        view: what `take_view` wants after that.
+        with_mesh: whether gradients go on to the pose; only with the last view.
+        blocks: of vertices, jobs of the third part.
+        skin: what `vertices_backward` wants after the blocks.
+        space: of this thread, that it works in.
+        sums: (blocks, ...) that it leaves.
+        joints: what `pose_backward` wants after those.
+    """
+    if take_turn(turns[0]) == 0:
+        for group in range(1, len(groups) - 1):
+            row = rows_of[groups[group]]
+            block = row // LANES * LANES
+            if block < row < n:
+                project_backward(block, min(block + LANES, n), scratch, *projecting)
+        finish_turn(turns[0])
+    wait_for_turns(turns[0], 1)
+    job = take_turn(turns[1])
+    while job < len(groups) - 1:
+        sound[job] = take_view(groups[job], groups[job + 1], rows_of, n, scratch, projecting, *view)
+        finish_turn(turns[1])
+        job = take_turn(turns[1])
+    if with_mesh:
+        wait_for_turns(turns[1], len(groups) - 1)
+        job = take_turn(turns[2])
+        while job < blocks:
+            vertices_backward(job, job + 1, *skin, space, *sums)
+            finish_turn(turns[2])
+            job = take_turn(turns[2])
+        if take_turn(turns[3]) == 0:
+            wait_for_turns(turns[2], blocks)
+            pose_backward(*sums, *joints)
