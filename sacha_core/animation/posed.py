@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from sacha_core.animation.kernels import frames as frame_kernels
 from sacha_core.animation.kernels import posing as posing_kernels
@@ -14,7 +15,7 @@ from sacha_core.flame.posing import HeadMotion, Poser
 from sacha_core.geometry.triangle import TriangleFrames, degenerate_limit, refuse_triangle
 from sacha_core.parallel.pool import Pool, even_ranges
 
-__all__ = ["Pose", "PosedHead"]
+__all__ = ["Pose", "PosedHead", "Posing", "refuse_first"]
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,28 @@ class Pose:
     transforms: Float[np.ndarray, "j 3 4"]
     frames: TriangleFrames
     quaternions: Float[np.ndarray, "f 4"]
+
+
+class Posing(NamedTuple):
+    """A pose that is still to be taken: what kernels want for it.
+
+    Args:
+        pose: where the result goes; holds until the next.
+        joints: what `pose_joints` wants, but its last two.
+        blend: what `pose_vertices` wants after a range of vertices.
+        coefficients: what it wants then, and `pose_joints` last; `pose_joints` gives how many there are, which comes next.
+        skin: what `pose_vertices` wants last.
+        corners: what `triangle_frames` wants after a range of triangles.
+        frames: what it wants last.
+    """
+
+    pose: Pose
+    joints: tuple[Any, ...]
+    blend: tuple[np.ndarray, ...]
+    coefficients: tuple[np.ndarray, ...]
+    skin: tuple[np.ndarray, ...]
+    corners: tuple[Any, ...]
+    frames: tuple[np.ndarray, ...]
 
 
 class PosedHead:
@@ -90,6 +113,14 @@ class PosedHead:
         self._rows, self._coefficients = np.empty(n_directions, np.int64), np.empty(n_directions, dtype)
         self._vertex_bounds = block_bounds(v, posing_kernels.BLOCK, self._pool.threads)
         self._face_bounds = block_bounds(f, frame_kernels.BLOCK, self._pool.threads)
+        frames = self._pose.frames
+        self._fixed = (
+            (self.poser.template.reshape(-1), self.poser.directions, self.moves),
+            self.poser.weights,
+            self._pose.unposed.reshape(-1),
+            (self._pose.vertices, self.faces, *self._limits),
+            (frames.rotation, frames.scale, frames.origin, self._pose.quaternions),
+        )
 
     def pose(
         self,
@@ -111,44 +142,62 @@ class PosedHead:
         Raises:
             GeometryError: a triangle has zero area or a vertex that is not finite; the message names the first such triangle.
         """
+        posing = self.prepare(expression, vectors, translation)
+        count = posing_kernels.pose_joints(*posing.joints, *posing.coefficients)
+        bounds = self._vertex_bounds
+
+        def place(_: int, k: int) -> None:
+            posing_kernels.pose_vertices(
+                bounds[k], bounds[k + 1], *posing.blend, *posing.coefficients, count, *posing.skin
+            )
+
+        self._pool.run(place, len(bounds) - 1)
+        self._find_frames(posing)
+        return posing.pose
+
+    def prepare(
+        self,
+        expression: Float[np.ndarray, " e"],
+        vectors: Float[np.ndarray, "5 3"],
+        translation: Float[np.ndarray, "3"],
+    ) -> Posing:
+        """Give what kernels want that take this pose instead of `pose`; `refuse_first` then says what is wrong with it."""
         pose, poser = self._pose, self.poser
         dtype = pose.vertices.dtype
         active = np.ascontiguousarray(expression[: poser.joint_directions.shape[2]], dtype)
         pose.vectors[:] = vectors[: len(pose.vectors)]
-        count = posing_kernels.pose_joints(
+        joints = (
             active, pose.vectors, poser.joints, poser.joint_directions, poser.parents, poser.has_correctives,
-            pose.joints, pose.rotations, pose.transforms, self._rows, self._coefficients,
+            pose.joints, pose.rotations, pose.transforms,
         )  # fmt: skip
-        self._place_vertices(count, np.ascontiguousarray(translation, dtype))
-        self._find_frames()
-        return pose
+        blend, weights, unposed, corners, frames = self._fixed
+        skin = weights, pose.transforms, np.ascontiguousarray(translation, dtype), unposed, pose.vertices
+        return Posing(pose, joints, blend, (self._rows, self._coefficients), skin, corners, frames)
 
-    def _place_vertices(self, count: int, translation: Float[np.ndarray, "3"]) -> None:
-        pose, poser, bounds = self._pose, self.poser, self._vertex_bounds
-        template, unposed = poser.template.reshape(-1), pose.unposed.reshape(-1)
-
-        def job(_: int, k: int) -> None:
-            posing_kernels.pose_vertices(
-                bounds[k], bounds[k + 1], template, poser.directions, self.moves, self._rows, self._coefficients, count,
-                poser.weights, pose.transforms, translation, unposed, pose.vertices,
-            )  # fmt: skip
-
-        self._pool.run(job, len(bounds) - 1)
-
-    def _find_frames(self) -> None:
-        pose, bounds = self._pose, self._face_bounds
-        frames, faults = pose.frames, [-1] * (len(bounds) - 1)
+    def _find_frames(self, posing: Posing) -> None:
+        bounds = self._face_bounds
+        faults = np.full(len(bounds) - 1, -1)
 
         def job(_: int, k: int) -> None:
-            faults[k] = frame_kernels.triangle_frames(
-                bounds[k], bounds[k + 1], pose.vertices, self.faces, *self._limits,
-                frames.rotation, frames.scale, frames.origin, pose.quaternions,
-            )  # fmt: skip
+            faults[k] = frame_kernels.triangle_frames(bounds[k], bounds[k + 1], *posing.corners, *posing.frames)
 
         self._pool.run(job, len(faults))
-        for fault in faults:
-            if fault >= 0:
-                refuse_triangle(pose.vertices, self.faces, fault)
+        refuse_first(posing.pose, self.faces, faults)
+
+
+def refuse_first(pose: Pose, faces: Int[np.ndarray, "f 3"], faults: Int[np.ndarray, " j"]) -> None:
+    """Refuse a pose in which a triangle is degenerate.
+
+    Args:
+        pose: as far as it was taken.
+        faces: of the head.
+        faults: the first such triangle of each of some ascending ranges, or -1.
+
+    Raises:
+        GeometryError: there is one; the message names the first.
+    """
+    for fault in faults[faults >= 0]:
+        refuse_triangle(pose.vertices, faces, int(fault))
 
 
 def block_bounds(total: int, block: int, jobs: int) -> list[int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -58,7 +58,7 @@ def image_bounds(
     return pixel_box(sides.values(), camera, margin)
 
 
-def pixel_box(sides: Iterable[Sides], camera: Camera, margin: int = 0) -> tuple[int, int, int, int] | None:
+def pixel_box(sides: Iterable[Sequence[float]], camera: Camera, margin: int = 0) -> tuple[int, int, int, int] | None:
     """Give the rectangle of the pixels whose centres lie between any of the sides that `reach` gives; else as `image_bounds`."""
     lefts, tops, rights, bottoms = zip((math.inf, math.inf, -math.inf, -math.inf), *sides, strict=True)
     across = pixel_range(min(lefts), max(rights), camera.width, margin)

@@ -153,19 +153,17 @@ class CpuEngine:
         """Leave the gradients of the mean loss and the parts of that; give the parameter and the row of a fault."""
         state, timestep, gradients = self._state, self._timestep, self._gradients
         row = self._row(timestep)
-        try:
-            with self._time("posing"):
-                pose = self._rig.pose(row)
-        except GeometryError:
-            return "pose", timestep
-        self._scale[:] = pose.frames.scale
-        self._drawer.place(state, pose)
-        gradients.begin(state, pose, self._drawer.splats, len(targets))
+        posing = self._rig.prepare(row)
+        self._drawer.place(state, posing)
+        gradients.begin(state, posing.pose, self._drawer.splats, len(targets))
         for target in targets:
             try:
                 drawing = self._drawer.draw(target.camera, self._degree, target.box)
+            except GeometryError:
+                return "pose", timestep
             except ColourError as error:
                 return "colour", error.row
+            self._scale[:] = posing.pose.frames.scale
             found = self._judge(target, drawing, len(targets))
             half_way = self._rasteriser.backward_to_entries(drawing.frame, found.gradient)
             with self._time("gradients"):

@@ -7,12 +7,14 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from sacha_core.animation.kernels.carry import BLOCK
-from sacha_core.animation.posed import Pose, block_bounds
+from sacha_core.animation.kernels import frames as frame_kernels
+from sacha_core.animation.kernels import posing as posing_kernels
+from sacha_core.animation.posed import Pose, Posing, block_bounds, refuse_first
 from sacha_core.parallel.buffers import Buffers
 from sacha_core.parallel.kept import Kept
+from sacha_core.parallel.kernels.turns import new_turns
 from sacha_core.parallel.pool import Pool
 from sacha_core.raster.bounds import pixel_box
 from sacha_core.raster.camera import Camera
@@ -20,7 +22,8 @@ from sacha_core.raster.harmonics import ALL_DEGREES
 from sacha_core.raster.rasteriser import NEAR, Frame, Rasteriser
 from sacha_core.raster.splats import Splats
 from sacha_core.raster.view import view_parameters
-from sacha_core.train.kernels.place import place
+from sacha_core.train.kernels.place import BLOCK
+from sacha_core.train.kernels.pose_and_place import PARTS, pose_and_place
 from sacha_core.train.masks import alive
 from sacha_core.train.state import MASK_LOGIT, TrainState
 from sacha_core.train.views import Box
@@ -30,6 +33,7 @@ __all__ = ["Drawer", "Drawing"]
 BACKGROUND = np.array([1, 1, 1, 0], np.float32)  # white, and not sensitive
 CARRIED = ("position", "log_scale", "quaternion", "opacity_logit", "sensitivity_logit")  # as `carry_splats` wants them
 NO_MASKS = np.zeros(0, np.float32)
+FACE_JOBS = 16
 MARGIN = 10  # pixels: twice the reach of SSIM's window, so that nothing outside the crop sees what is inside
 
 
@@ -40,14 +44,18 @@ class Placing:
     Args:
         splats: in the world.
         tilts: see `Drawer`.
-        bounds: of the ranges of Gaussians that jobs take.
+        vertex_bounds: of the ranges of vertices that jobs take.
+        face_bounds: likewise, of triangles.
+        bounds: likewise, of Gaussians.
         own: what `carry_splats` wants of the Gaussians, flat.
         rest: what it wants after the factors of their opacities.
     """
 
     splats: Splats
     tilts: Float[np.ndarray, "3 n 3"]
-    bounds: list[int]
+    vertex_bounds: Int[np.ndarray, " a"]
+    face_bounds: Int[np.ndarray, " b"]
+    bounds: Int[np.ndarray, " c"]
     own: tuple[np.ndarray, ...]
     rest: tuple[np.ndarray, ...]
 
@@ -85,13 +93,13 @@ class Drawer:
         self._rasteriser, self._pool, self._time, self._buffers = rasteriser, pool, time, Buffers()
         self._placing: Kept[Placing] = Kept()
 
-    def place(self, state: TrainState, pose: Pose) -> None:
-        """Let the next `draw` carry the Gaussians along with a posed head first."""
-        values = state.values
+    def place(self, state: TrainState, posing: Posing) -> None:
+        """Let the next `draw` take a pose first, and carry the Gaussians along with the head."""
+        values, pose = state.values, posing.pose
         own = tuple(values[name] for name in CARRIED)
         placing = self._placing.of(lambda: self._begin(state, pose), pose, state.binding, *own)
-        self.splats, self.tilts, self._bounds = placing.splats, placing.tilts, placing.bounds
-        self._state, self._to_carry = state, True
+        self.splats, self.tilts = placing.splats, placing.tilts
+        self._state, self._posing, self._placed, self._to_pose = state, posing, placing, True
         factors = alive(values[MASK_LOGIT]).astype(np.float32) if MASK_LOGIT in values else NO_MASKS
         self._carrying = (*placing.own, factors, *placing.rest)
 
@@ -108,7 +116,9 @@ class Drawer:
         return Placing(
             splats=splats,
             tilts=self._buffers.space("tilts", 9 * n, np.float32).reshape(3, n, 3),
-            bounds=block_bounds(n, BLOCK, self._pool.threads),
+            vertex_bounds=np.array(block_bounds(len(pose.vertices), posing_kernels.BLOCK, len(pose.vertices))),
+            face_bounds=np.array(block_bounds(len(frames.scale), frame_kernels.BLOCK, FACE_JOBS)),
+            bounds=np.array(block_bounds(n, BLOCK, max(n, 1))),
             own=tuple(values[name].reshape(-1) for name in CARRIED),
             rest=rest,
         )
@@ -122,27 +132,34 @@ class Drawer:
             box: that must be drawn at least; the rest of the image is drawn as far as Gaussians reach.
 
         Raises:
+            GeometryError: in the pose to be taken a triangle has zero area or a vertex that is not finite.
             ColourError: a colour is not finite.
         """
-        splats, values, bounds, to_carry = self.splats, self._state.values, self._bounds, self._to_carry
+        splats, values, posing, placed = self.splats, self._state.values, self._posing, self._placed
         view, centre = view_parameters(camera, NEAR), np.asarray(camera.centre, np.float32)
-        sides = [(0.0, 0.0, 0.0, 0.0)] * (len(bounds) - 1)
+        faults, sides = np.full(len(placed.face_bounds) - 1, -1), np.empty((len(placed.bounds) - 1, 4), np.float32)
         colouring = (
             values["sh_dc"], values["sh_rest"], splats.means, centre, degree or 0, ALL_DEGREES, splats.colours, self.tilts
         )  # fmt: skip
+        placing = (
+            self._to_pose, self._carrying, colouring, degree is not None, splats.means, splats.scales, splats.opacities, view
+        )  # fmt: skip
         if degree is None:
             splats.colours[:, :3] = 0
+        turns, count = new_turns(PARTS), np.zeros(1, np.int64)
 
-        def job(_: int, k: int) -> None:
-            sides[k] = place(
-                bounds[k], bounds[k + 1], to_carry, self._carrying, colouring, degree is not None,
-                splats.means, splats.scales, splats.opacities, view,
+        def work(_: int, __: int) -> None:
+            pose_and_place(
+                turns, self._to_pose, count, posing.joints, placed.vertex_bounds, posing.blend, posing.coefficients, posing.skin,
+                placed.face_bounds, posing.corners, posing.frames, faults, placed.bounds, sides, placing,
             )  # fmt: skip
 
-        with self._time("place and colour"):
-            self._pool.run(job, len(bounds) - 1)
-            self._to_carry = False
-        crop = union(pixel_box(sides, camera, MARGIN), box, camera)
+        with self._time("pose, place and colour"):
+            self._pool.run(work, self._pool.threads)
+            refuse_first(posing.pose, posing.corners[1], faults)
+            self._to_pose = False
+        reached = pixel_box(sides.tolist(), camera, MARGIN)
+        crop = union(reached, box, camera)
         part = camera.crop(crop[0], crop[1], crop[2] - crop[0], crop[3] - crop[1])
         return Drawing(self._rasteriser.forward(splats, part, BACKGROUND), crop)
 

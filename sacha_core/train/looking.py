@@ -63,14 +63,12 @@ class Looker:
     ) -> Iterator[tuple[Target, Drawing]]:
         """Draw each view that can be drawn; the drawing holds until the next."""
         row = {name: state.values[name][targets[0].timestep] for name in FITTED_MOTION}
-        try:
-            pose = self._rig.pose(row)
-        except GeometryError:
-            return
-        self._drawer.place(state, pose)
+        self._drawer.place(state, self._rig.prepare(row))
         for target in targets:
             try:
                 drawing = self._drawer.draw(target.camera, degree, target.box)
+            except GeometryError:
+                return
             except ColourError:
                 continue
             yield target, drawing

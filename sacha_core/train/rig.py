@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sacha_core.animation.kernels.posing import BLOCK
-from sacha_core.animation.posed import Pose, PosedHead
+from sacha_core.animation.posed import Pose, PosedHead, Posing
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.posing import TURNS, HeadMotion
 from sacha_core.parallel.kept import Kept
@@ -96,8 +96,11 @@ class Rig:
         Raises:
             GeometryError: a triangle has zero area or a vertex that is not finite; the message names the first such triangle.
         """
-        vectors = np.concatenate([parameters[name] for name in TURNS]).reshape(5, 3)
-        return self._posed.pose(parameters["expression"], vectors, parameters["translation"])
+        return self._posed.pose(*in_order(parameters))
+
+    def prepare(self, parameters: Mapping[str, Float[np.ndarray, " p"]]) -> Posing:
+        """Give what kernels want that take a pose; else as `pose`."""
+        return self._posed.prepare(*in_order(parameters))
 
     def way_back(self, pose: Pose) -> WayBack:
         """Give what kernels want that go back to the parameters of the last pose; `slopes` then gives what they found."""
@@ -137,3 +140,9 @@ class Rig:
         self._pool.run(job, way.blocks)
         pose_backward(*way.sums, *way.joints)
         return self.slopes(like)
+
+
+def in_order(parameters: Mapping[str, Float[np.ndarray, " p"]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Give expression, axis-angle vectors (5, 3) and translation."""
+    vectors = np.concatenate([parameters[name] for name in TURNS]).reshape(5, 3)
+    return parameters["expression"], vectors, parameters["translation"]

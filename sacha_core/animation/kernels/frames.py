@@ -91,7 +91,7 @@ def scatter(planes, first, count, rotation, scale, origin, quaternion):
     return -1
 
 
-@kernel(error_model="numpy")
+@kernel(error_model="numpy", forceinline=True)  # what it calls may round otherwise in other surroundings
 def triangle_frames(start, stop, vertices, faces, limit, smallest, rotation, scale, origin, quaternion):
     """Write the frames of the triangles `start` (a multiple of BLOCK) to `stop`, and their quaternions, largest component positive.
 

@@ -148,7 +148,7 @@ def pose_joints(
     return gather_active(expression, rotations, has_correctives, rows, coefficients)
 
 
-@kernel(error_model="numpy")
+@kernel(error_model="numpy", forceinline=True)  # what it calls may round otherwise in other surroundings
 def pose_vertices(
     start, stop, template, directions, moves, rows, coefficients, count, weights, transforms, translation, unposed, vertices,
 ):  # fmt: skip
