@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-__all__ = ["Kept"]
+__all__ = ["Kept", "KeptOfEach"]
 
 Made = TypeVar("Made")
 
@@ -28,3 +28,26 @@ class Kept(Generic[Made]):
             self._made = make()
             self._sources, self._identities = sources, identities
         return self._made
+
+
+class KeptOfEach(Generic[Made]):
+    """Keeps what was made from each of some things, such as cameras that come again and again.
+
+    What things are made from is told apart by identity, and kept alive.
+
+    Args:
+        most: things that are kept; with one more, all are forgotten.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._made: dict[int, tuple[object, Made]] = {}
+
+    def of(self, make: Callable[[], Made], source: object) -> Made:
+        """Give what `make` gave when this very source was given before, or gives now."""
+        found = self._made.get(id(source))
+        if found is None:
+            if len(self._made) >= self._most:
+                self._made.clear()
+            found = self._made[id(source)] = source, make()
+        return found[1]

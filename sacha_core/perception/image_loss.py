@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Shaped, UInt8
+from jaxtyping import Float, Int, Shaped, UInt8
 
 from sacha_core.errors import OptionError
 from sacha_core.parallel.buffers import Buffers
@@ -102,7 +103,7 @@ class ImageLoss:
         image = np.ascontiguousarray(image)
         given, wanted = Planes.of(image), Planes.of(target)
         gradient = self._buffers.space("gradient", image.size, np.float32).reshape(image.shape)
-        edges = np.array(strip_edges(width))
+        edges = strip_edges(width)
         strips, threads, marked = len(edges) - 1, self._pool.threads, sensitivity is not None
         sums = np.zeros((2, colours * strips, height), np.float32)
         unit = F(1 / 255 if target.dtype == np.uint8 else 1)
@@ -149,17 +150,31 @@ class Planes(NamedTuple):
     @classmethod
     def of(cls, array: Shaped[np.ndarray, "c h w"]) -> Planes:
         """Look at an array in place, or at a copy if its rows are not whole."""
+        channels, height, width = array.shape
+        if array.flags.c_contiguous:
+            return cls(array.reshape(-1), height * width, width)
         size = array.itemsize
         if array.strides[2] != size or any(stride < 0 or stride % size for stride in array.strides):
-            array = np.ascontiguousarray(array)
+            return cls.of(np.ascontiguousarray(array))
         plane, row = array.strides[0] // size, array.strides[1] // size
-        channels, height, width = array.shape
         length = (channels - 1) * plane + (height - 1) * row + width if array.size else 0
-        return cls(np.lib.stride_tricks.as_strided(array, (length,), (size,), writeable=False), plane, row)
+        return cls(stretch(array, length), plane, row)
 
 
-def strip_edges(width: int) -> list[int]:
+def stretch(array: Shaped[np.ndarray, "c h w"], length: int) -> Shaped[np.ndarray, " s"]:
+    """Give what lies in memory from an array's first number on, which belongs to the array that it is part of."""
+    whole = array.base
+    if (
+        isinstance(whole, np.ndarray) and whole.flags.c_contiguous and whole.dtype == array.dtype
+    ):  # as below, but quicker
+        begin, end = (each.__array_interface__["data"][0] // array.itemsize for each in (whole, array))
+        return whole.reshape(-1)[end - begin : end - begin + length]
+    return np.lib.stride_tricks.as_strided(array, (length,), (array.itemsize,), writeable=False)
+
+
+@cache
+def strip_edges(width: int) -> Int[np.ndarray, " e"]:
     """Give the columns at which strips begin and end: about even, whole vectors but for the last."""
     vectors = -(-width // LANES)
     strips = -(-vectors * LANES // STRIP)
-    return [*(LANES * (vectors * k // strips) for k in range(strips)), width]
+    return np.array([*(LANES * (vectors * k // strips) for k in range(strips)), width])

@@ -65,7 +65,7 @@ class Camera:
     def crop(self, left: int, top: int, width: int, height: int) -> Camera:
         """Give the camera of a rectangle of the image; what it shows is that part of the image, to the bit."""
         cx, cy = self.cx - left, self.cy - top
-        return replace(self, width=width, height=height, cx=cx, cy=cy, whole_view=self.edges)
+        return Camera(width, height, self.fx, self.fy, cx, cy, self.rotation, self.translation, self.edges)
 
     def resized(self, width: int, height: int) -> Camera:
         """Give the camera of the same view at another resolution."""

@@ -168,7 +168,7 @@ class CpuEngine:
             half_way = self._rasteriser.backward_to_entries(drawing.frame, found.gradient)
             with self._time("gradients"):
                 height, width = target.sensitivity.shape
-                gradients.add_view(drawing.frame, half_way, self._drawer.tilts, width, height)
+                gradients.add_view(drawing.frame, half_way, self._drawer.tilts, drawing.centre, width, height)
             parts = {"total": found.total, "l1": found.l1, "ssim": found.ssim, "sensitivity": found.entropy}
             for name, value in parts.items():
                 losses[name] = losses.get(name, 0.0) + value / len(targets)
@@ -201,9 +201,10 @@ class CpuEngine:
         """Give what is not finite: an attribute and its first row, else a motion parameter, else the loss and their timestep."""
         if (cause := self._gradients.fault()) is not None:
             return cause
-        for name, slope in self._motion.items():
-            if not (np.abs(slope) <= LARGEST_GRADIENT).all():
-                return name, self._timestep
+        if self._motion and not np.abs(self._rig.row).max() <= LARGEST_GRADIENT:  # whatever it is that is no number
+            for name, slope in self._motion.items():
+                if not (np.abs(slope) <= LARGEST_GRADIENT).all():
+                    return name, self._timestep
         return None if np.isfinite(loss) else ("loss", self._timestep)
 
     def _row(self, timestep: int) -> Arrays:

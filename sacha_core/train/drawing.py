@@ -13,7 +13,7 @@ from sacha_core.animation.kernels import frames as frame_kernels
 from sacha_core.animation.kernels import posing as posing_kernels
 from sacha_core.animation.posed import Pose, Posing, block_bounds, refuse_first
 from sacha_core.parallel.buffers import Buffers
-from sacha_core.parallel.kept import Kept
+from sacha_core.parallel.kept import Kept, KeptOfEach
 from sacha_core.parallel.kernels.turns import new_turns
 from sacha_core.parallel.pool import Pool
 from sacha_core.raster.bounds import pixel_box
@@ -34,6 +34,7 @@ BACKGROUND = np.array([1, 1, 1, 0], np.float32)  # white, and not sensitive
 CARRIED = ("position", "log_scale", "quaternion", "opacity_logit", "sensitivity_logit")  # as `carry_splats` wants them
 NO_MASKS = np.zeros(0, np.float32)
 FACE_JOBS = 16
+CAMERAS = 4096  # whose parameters are kept
 MARGIN = 10  # pixels: twice the reach of SSIM's window, so that nothing outside the crop sees what is inside
 
 
@@ -67,10 +68,12 @@ class Drawing:
     Args:
         frame: the rasteriser's, of the crop.
         box: the crop: left, top, right, bottom.
+        centre: (3,) float32, where the camera stands, metres.
     """
 
     frame: Frame
     box: Box
+    centre: Float[np.ndarray, "3"]
 
 
 class Drawer:
@@ -92,6 +95,7 @@ class Drawer:
     def __init__(self, rasteriser: Rasteriser, pool: Pool, time: Callable[[str], AbstractContextManager[None]]) -> None:
         self._rasteriser, self._pool, self._time, self._buffers = rasteriser, pool, time, Buffers()
         self._placing: Kept[Placing] = Kept()
+        self._seen_from: KeptOfEach[tuple[np.ndarray, np.ndarray]] = KeptOfEach(CAMERAS)
 
     def place(self, state: TrainState, posing: Posing) -> None:
         """Let the next `draw` take a pose first, and carry the Gaussians along with the head."""
@@ -136,7 +140,9 @@ class Drawer:
             ColourError: a colour is not finite.
         """
         splats, values, posing, placed = self.splats, self._state.values, self._posing, self._placed
-        view, centre = view_parameters(camera, NEAR), np.asarray(camera.centre, np.float32)
+        view, centre = self._seen_from.of(
+            lambda: (view_parameters(camera, NEAR), np.asarray(camera.centre, np.float32)), camera
+        )
         faults, sides = np.full(len(placed.face_bounds) - 1, -1), np.empty((len(placed.bounds) - 1, 4), np.float32)
         colouring = (
             values["sh_dc"], values["sh_rest"], splats.means, centre, degree or 0, ALL_DEGREES, splats.colours, self.tilts
@@ -146,22 +152,25 @@ class Drawer:
         )  # fmt: skip
         if degree is None:
             splats.colours[:, :3] = 0
-        turns, count = new_turns(PARTS), np.zeros(1, np.int64)
+        turns, count, refused = new_turns(PARTS), np.zeros(1, np.int64), list[bool]()
 
         def work(_: int, __: int) -> None:
-            pose_and_place(
+            sound = pose_and_place(
                 turns, self._to_pose, count, posing.joints, placed.vertex_bounds, posing.blend, posing.coefficients, posing.skin,
                 placed.face_bounds, posing.corners, posing.frames, faults, placed.bounds, sides, placing,
             )  # fmt: skip
+            if not sound:
+                refused.append(True)
 
         with self._time("pose, place and colour"):
             self._pool.run(work, self._pool.threads)
-            refuse_first(posing.pose, posing.corners[1], faults)
+            if refused:
+                refuse_first(posing.pose, posing.corners[1], faults)
             self._to_pose = False
         reached = pixel_box(sides.tolist(), camera, MARGIN)
         crop = union(reached, box, camera)
         part = camera.crop(crop[0], crop[1], crop[2] - crop[0], crop[3] - crop[1])
-        return Drawing(self._rasteriser.forward(splats, part, BACKGROUND), crop)
+        return Drawing(self._rasteriser.forward(splats, part, BACKGROUND), crop, centre)
 
 
 def union(reached: tuple[int, int, int, int] | None, box: Box, camera: Camera) -> Box:

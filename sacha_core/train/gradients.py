@@ -163,7 +163,13 @@ class GaussianGradients:
         return Settling(by_name, lengths, seen, shares, penalties, before, after, spaces)
 
     def add_view(
-        self, frame: Frame, half_way: HalfWay, tilts: Float[np.ndarray, "3 n 3"], width: int, height: int
+        self,
+        frame: Frame,
+        half_way: HalfWay,
+        tilts: Float[np.ndarray, "3 n 3"],
+        centre: Float[np.ndarray, "3"],
+        width: int,
+        height: int,
     ) -> None:
         """Add a view: gradients of its share of the loss. With the last, all that `begin` promised is there.
 
@@ -171,13 +177,14 @@ class GaussianGradients:
             frame: as it was drawn.
             half_way: gradients by the splats, not through the projection yet; their arrays are changed.
             tilts: gradient of each colour by the mean.
+            centre: float32, where the camera stands, metres.
             width: of the whole image, pixels.
             height: likewise.
         """
         chunks, views, slopes = self._chunks, self._views, half_way.slopes
         view, settling, way = len(self.colours), self._settling, self._rig.way_back(self._pose)
         cut, last = self._space(f"cut {view}", len(self._state), 3), view == views - 1
-        self.colours.append(ViewColours(np.asarray(frame.camera.centre, np.float32), cut))
+        self.colours.append(ViewColours(centre, cut))
         half_sides = np.float32(views * width / 2), np.float32(views * height / 2)  # as if there were no other view
         part = np.float32(1 / (views * max(int(np.count_nonzero(frame.visible)), 1)))
         colours = tilts, self._splats.colours, slopes.colours, cut, slopes.means

@@ -30,9 +30,10 @@ REST_JOBS, PLAIN_JOBS = (
     4,
 )  # of about equal length: short ones begin too often with numbers that nobody has asked for yet
 NO_JOBS = np.zeros(1, np.int64)  # bounds of no range
-NO_ROW = np.zeros(0, np.float32)
+CONSTANTS = tuple(np.float32(number) for number in (*BETAS, 1 - BETAS[0], 1 - BETAS[1], EPSILON))
 NO_COLOURS = ViewColours(np.zeros(3, np.float32), np.zeros((0, 3), np.float32))
 Flat = Mapping[str, tuple[np.ndarray, ...]]  # values and moments by name
+Bounds = Int[np.ndarray, " b"]
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,24 @@ class MotionSlopes:
     timestep: int
     by_name: Arrays
 
+    @property
+    def in_order(self) -> tuple[np.ndarray, ...]:
+        """The rows, in the order of `FITTED_MOTION`."""
+        return tuple(self.by_name[name] for name in FITTED_MOTION)
+
+
+@dataclass(frozen=True)
+class Together:
+    """Arrays of several names that kernels want together.
+
+    Args:
+        names: in this order.
+        arrays: tuples of one for each.
+    """
+
+    names: tuple[str, ...]
+    arrays: tuple[Any, ...]
+
 
 NO_SLOPES = Slopes({}, np.zeros((0, 3), np.float32))
 
@@ -79,7 +98,10 @@ class Adam:
 
     def __init__(self, pool: Pool) -> None:
         self._pool = pool
-        self._looked_up: Kept[dict[str, tuple[np.ndarray, ...]]] = Kept()
+        self._looked_up: Kept[Flat] = Kept()
+        self._together: Kept[Together] = Kept()
+        self._moved: Kept[Together] = Kept()
+        self._jobs: Kept[tuple[Bounds, Bounds]] = Kept()
 
     def step(
         self, state: TrainState, rates: Mapping[str, float], slopes: Slopes | None, motion: MotionSlopes | None = None
@@ -98,50 +120,59 @@ class Adam:
         slopes = slopes or NO_SLOPES
         state.steps["gaussians"] += bool(slopes.by_name or slopes.colours)
         pace, turns = Pace(state.steps["gaussians"]), new_turns(1)
-        rest_bounds, harmonics = self._harmonics(state, rates, slopes, pace)
-        plain_bounds, plain = self._plain(state, of, rates, slopes.by_name, pace)
+        rest_bounds, plain_bounds = self._jobs.of(lambda: jobs(len(state)), of)
+        rest_bounds = rest_bounds if slopes.colours and slopes.degree > 0 else NO_JOBS
+        plain_bounds = plain_bounds if slopes.by_name else NO_JOBS
+        harmonics = self._harmonics(state, rates, slopes, pace)
+        some = self._together.of(lambda: of_gaussians(of, slopes.by_name, len(state)), of, *slopes.by_name.values())
+        plain = (*some.arrays, pace.rates(rates, some.names), *pace.rest)
 
         def work(_: int, __: int) -> None:
             step_in_turns(turns, motion is not None, moving, rest_bounds, slopes.degree, harmonics, plain_bounds, plain)
 
         self._pool.run(work, self._pool.threads)
 
-    def _harmonics(
-        self, state: TrainState, rates: Mapping[str, float], slopes: Slopes, pace: Pace
-    ) -> tuple[Int[np.ndarray, " a"], tuple[Any, ...]]:
-        """Give the bounds of jobs, and what `harmonics_range` wants after rows and degree."""
+    def _harmonics(self, state: TrainState, rates: Mapping[str, float], slopes: Slopes, pace: Pace) -> tuple[Any, ...]:
+        """Give what `harmonics_range` wants after rows and degree."""
         colours = slopes.colours or (NO_COLOURS,)
         centres, cuts = tuple(view.centre for view in colours), tuple(view.cut for view in colours)
-        rest = [kind["sh_rest"] for kind in (state.values, state.first, state.second)]
-        steps = bool(slopes.colours) and slopes.degree > 0
-        arguments = (slopes.means, centres, cuts, *rest, pace.rate(rates["sh_rest"] if steps else 0.0), *pace.rest)
-        return np.array(block_bounds(len(state), LANES, REST_JOBS)) if steps else NO_JOBS, arguments
-
-    def _plain(
-        self, state: TrainState, of: Flat, rates: Mapping[str, float], by_name: Arrays, pace: Pace
-    ) -> tuple[Int[np.ndarray, " b"], tuple[Any, ...]]:
-        """Give the bounds of jobs, and what `step_range` wants after the rows; what has no gradient has no width there."""
-        n, names = max(len(state), 1), [name for name in ROWS if name in by_name or (name in of and name != "sh_rest")]
-        slopes = tuple(by_name[name].reshape(-1) if name in by_name else of[name][0] for name in names)
-        widths = tuple(slope.size // n if name in by_name else 0 for name, slope in zip(names, slopes, strict=True))
-        rated = tuple(pace.rate(rates[name] if name in by_name else 0.0) for name in names)
-        values, first, second = zip(*(of[name] for name in names), strict=True)
-        bounds = np.array(block_bounds(len(state), LANES, PLAIN_JOBS)) if by_name else NO_JOBS
-        return bounds, (widths, values, slopes, first, second, rated, *pace.rest)
+        rest = (kind["sh_rest"] for kind in (state.values, state.first, state.second))
+        return (slopes.means, centres, cuts, *rest, pace.rate(rates.get("sh_rest", 0.0)), *pace.rest)
 
     def _moving(
         self, state: TrainState, of: Flat, rates: Mapping[str, float], motion: MotionSlopes | None
     ) -> tuple[Any, ...]:
-        """Give what `step_one_row` wants; nothing is stepped where nothing moves."""
-        timestep, by_name = (0, {}) if motion is None else (motion.timestep, motion.by_name)
+        """Give what `step_one_row` wants; it is not called where nothing moves."""
+        rows = len(state.values[FITTED_MOTION[0]])
+        all_of_it = self._moved.of(lambda: of_motion(of, rows), of)
+        timestep, slopes = (0, all_of_it.arrays[1]) if motion is None else (motion.timestep, motion.in_order)
         state.steps["motion"] += motion is not None
-        pace, rows = Pace(state.steps["motion"]), len(state.values[FITTED_MOTION[0]])
-        values, first, second = zip(*(of[name] for name in FITTED_MOTION), strict=True)
-        widths = tuple(value.size // max(rows, 1) for value in values)
-        slopes = tuple(by_name.get(name, NO_ROW) for name in FITTED_MOTION)
-        rated = tuple(pace.rate(rates[name] if name in by_name else 0.0) for name in FITTED_MOTION)
-        space = np.zeros(rows * max(widths), np.float32)
-        return (timestep, rows, widths, values, slopes, first, second, rated, *pace.rest, space)
+        pace, (widths, values, first, second, space) = Pace(state.steps["motion"]), all_of_it.arrays
+        given = rates if motion is not None else dict.fromkeys(FITTED_MOTION, 0.0)
+        return (
+            timestep, rows, widths, values, slopes, first, second, pace.rates(given, FITTED_MOTION), *pace.rest, space
+        )  # fmt: skip
+
+
+def jobs(n: int) -> tuple[Bounds, Bounds]:
+    """Give bounds of ranges of Gaussians: of harmonics, and of everything else."""
+    return np.array(block_bounds(n, LANES, REST_JOBS)), np.array(block_bounds(n, LANES, PLAIN_JOBS))
+
+
+def of_gaussians(of: Flat, by_name: Arrays, n: int) -> Together:
+    """Give widths, values, gradients and both moments of what has a row a Gaussian; what has no gradient has no width here."""
+    names = tuple(name for name in ROWS if name in by_name or (name in of and name != "sh_rest"))
+    slopes = tuple(by_name[name].reshape(-1) if name in by_name else of[name][0] for name in names)
+    widths = tuple(slope.size // max(n, 1) if name in by_name else 0 for name, slope in zip(names, slopes, strict=True))
+    values, first, second = zip(*(of[name] for name in names), strict=True)
+    return Together(names, (widths, values, slopes, first, second))
+
+
+def of_motion(of: Flat, rows: int) -> Together:
+    """Give widths, values and both moments of the motion, and space for the gradients of one parameter."""
+    values, first, second = zip(*(of[name] for name in FITTED_MOTION), strict=True)
+    widths = tuple(value.size // max(rows, 1) for value in values)
+    return Together(FITTED_MOTION, (widths, values, first, second, np.zeros(rows * max(widths), np.float32)))
 
 
 def flat(values: Arrays, first: Arrays, second: Arrays) -> dict[str, tuple[np.ndarray, ...]]:
@@ -163,9 +194,12 @@ class Pace:
 
     def __init__(self, step: int) -> None:
         self._correction = 1 - BETAS[0] ** max(step, 1)
-        square = 1 / math.sqrt(1 - BETAS[1] ** max(step, 1))
-        self.rest = tuple(np.float32(number) for number in (*BETAS, 1 - BETAS[0], 1 - BETAS[1], EPSILON, square))
+        self.rest = (*CONSTANTS, np.float32(1 / math.sqrt(1 - BETAS[1] ** max(step, 1))))
 
     def rate(self, rate: float) -> np.float32:
         """Give the first of them for a learning rate."""
         return np.float32(rate / self._correction)
+
+    def rates(self, rates: Mapping[str, float], names: Sequence[str]) -> Float[np.ndarray, " k"]:
+        """Give it for the rates of these names; any number where there is none."""
+        return (np.array([rates.get(name, 0.0) for name in names]) / self._correction).astype(np.float32)

@@ -57,6 +57,7 @@ class Rig:
     Attributes:
         faces: (f, 3) int32, vertex indices of the triangles.
         g_corners: (f, 3, 3) gradient by the place of each triangle's corners: to be written before `backward`.
+        row: float64, what `slopes` gives, one parameter after the other.
 
     Raises:
         HeadError: the motion has components or vertex offsets that the head lacks.
@@ -75,11 +76,11 @@ class Rig:
         blocks, j = -(-head.n_vertices // BLOCK), len(poser.parents)
         self._blocks, self._spaces = blocks, np.empty((pool.threads, 3 * BLOCK), dtype)
         self._sums = np.zeros((blocks, j, 3, 4)), np.zeros((blocks, 3)), np.zeros((blocks, len(poser.directions)))
-        self._row = np.zeros(PLACES["expression"].start + poser.joint_directions.shape[2])
+        self.row = np.zeros(PLACES["expression"].start + poser.joint_directions.shape[2])
         self._slopes = (
-            self._row[PLACES["expression"]],
-            self._row[: PLACES["eyes"].stop].reshape(5, 3),
-            self._row[PLACES["translation"]],
+            self.row[PLACES["expression"]],
+            self.row[: PLACES["eyes"].stop].reshape(5, 3),
+            self.row[PLACES["translation"]],
         )
         self._way_back: Kept[WayBack] = Kept()
 
@@ -122,7 +123,7 @@ class Rig:
             like: the parameters, whose lengths and dtypes the gradients get.
         """
         row = np.zeros(PLACES["expression"].start + len(like["expression"]), like["expression"].dtype)
-        row[: len(self._row)] = self._row
+        row[: len(self.row)] = self.row
         return {name: row[PLACES[name]] for name in like}
 
     def backward(self, pose: Pose, like: Mapping[str, Float[np.ndarray, " p"]]) -> Arrays:

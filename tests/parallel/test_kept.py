@@ -6,7 +6,7 @@ import gc
 
 import numpy as np
 
-from sacha_core.parallel.kept import Kept
+from sacha_core.parallel.kept import Kept, KeptOfEach
 
 
 def test_what_was_made_holds_as_long_as_its_sources_are_the_same_objects() -> None:
@@ -37,3 +37,20 @@ def test_sources_stay_alive_so_that_no_other_takes_their_identity() -> None:
 def test_nothing_made_from_nothing_is_made_once() -> None:
     kept: Kept[object] = Kept()
     assert kept.of(object) is kept.of(object)
+
+
+def test_what_was_made_of_each_comes_again_until_there_are_too_many() -> None:
+    made: list[int] = []
+    kept: KeptOfEach[int] = KeptOfEach(2)
+
+    def make() -> int:
+        made.append(len(made))
+        return made[-1]
+
+    a, b, c = np.zeros(3), np.zeros(3), np.zeros(3)
+    assert [kept.of(make, source) for source in (a, b, a, b, c, c, a)] == [0, 1, 0, 1, 2, 2, 3]
+
+
+def test_each_stays_alive_so_that_no_other_takes_its_identity() -> None:
+    kept: KeptOfEach[int] = KeptOfEach(100)
+    assert [kept.of(lambda k=k: k, object()) for k in range(100)] == list(range(100))

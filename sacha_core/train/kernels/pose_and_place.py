@@ -33,6 +33,9 @@ def pose_and_place(
         bounds: (c + 1,) bounds of ranges of Gaussians, jobs of the last part.
         sides: (c, 4) float32 out: the box that each range reaches, see `place`.
         placing: what `place` wants after a range.
+
+    Returns:
+        Whether no triangle is degenerate.
     """
     if to_pose:
         if take_turn(turns[0]) == 0:
@@ -53,8 +56,9 @@ def pose_and_place(
         wait_for_turns(turns[2], len(face_bounds) - 1)
         for fault in faults:
             if fault >= 0:
-                return
+                return False
     job = take_turn(turns[3])
     while job < len(bounds) - 1:
         sides[job] = place(bounds[job], bounds[job + 1], *placing)
         job = take_turn(turns[3])
+    return True
