@@ -77,12 +77,12 @@ class Fitting:
 
     def gaussians(self) -> Gaussians:
         """Give those left as they are now, in the order in which they were given."""
-        return self._state.gaussians().select(np.argsort(self._rows))
+        return self._engine.take().gaussians().select(np.argsort(self._rows))
 
     def keep(self, places: Int[np.ndarray, " k"]) -> None:
         """Leave only some of those left; `places` are of `rows`."""
         kept = np.sort(np.argsort(self._rows)[places])  # by triangle, as they are
-        rearrange(self._state, kept)
+        rearrange(self._engine.take(), kept)
         self._rows = self._rows[kept]
 
     def step(
@@ -96,7 +96,7 @@ class Fitting:
             decoded: what is drawn in their place, by name, in the order of `gaussians`.
             more: gradients that are added to those by pictures, likewise.
         """
-        values = self._state.values
+        values = self._engine.take().values
         given = {name: values[name] for name in CODED}
         values |= {name: self._in_training(value) for name, value in (decoded or {}).items()}
         self._done += 1

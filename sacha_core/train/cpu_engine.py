@@ -21,10 +21,10 @@ from sacha_core.train.faults import LARGEST_GRADIENT, Fault
 from sacha_core.train.gradients import GaussianGradients
 from sacha_core.train.looking import Looker
 from sacha_core.train.masks import mask_gradient, mask_penalty
-from sacha_core.train.optimiser import Adam, MotionSlopes, Slopes
+from sacha_core.train.optimiser import Adam, GaussianStep, MotionSlopes, Slopes
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.rig import Rig
-from sacha_core.train.state import FITTED_MOTION, MASK_LOGIT, Arrays, TrainState
+from sacha_core.train.state import FITTED_MOTION, MASK_LOGIT, Arrays, TrainState, lay_together
 from sacha_core.train.views import Target
 
 __all__ = ["CpuEngine"]
@@ -35,7 +35,8 @@ Compare = Callable[[np.ndarray, np.ndarray, np.ndarray, int], ImageLosses]
 class CpuEngine:
     """Trains on the CPU; `sacha_core.train.engine.Engine` says what each method is for.
 
-    Results have the same bits for any number of threads. The state is the loop's own, so that `put` and `take` cost nothing.
+    Results have the same bits for any number of threads. The state is the loop's own: `put` and `take` cost no more than a step that
+    Gaussians have yet to take, which is joined with placing them in the next iteration.
 
     Args:
         head: the head model.
@@ -70,6 +71,7 @@ class CpuEngine:
         self._compare = compare or self._image_loss
         self._gradients = GaussianGradients(losses, self._rig, self._pool, options.fine_tune)
         self._adam = Adam(self._pool)
+        self._step: GaussianStep | None = None  # which the Gaussians of the state have yet to take
         self._masks: Arrays = {}  # gradient by the masks, where they are learnt
         self._motion: Arrays = {}  # gradients of the rows of one timestep
         self._timestep, self._degree = 0, 0
@@ -79,11 +81,14 @@ class CpuEngine:
         self._scale = np.ones(head.n_faces, np.float32)
 
     def put(self, state: TrainState) -> None:
-        """Go on from a state."""
+        """Go on from a state, whose arrays may move to other memory."""
+        self._settle()
+        lay_together(state)  # what was read from a file or copied lies just anywhere
         self._state = state
 
     def take(self) -> TrainState:
         """Give the state as it is now."""
+        self._settle()
         return self._state
 
     def differentiate(self, iteration: int, targets: Sequence[Target], degree: int) -> None:
@@ -116,7 +121,9 @@ class CpuEngine:
                 gradients |= self._masks
             slopes = Slopes(gradients, self._drawer.splats.means, colours, self._degree)
             motion = MotionSlopes(self._timestep, self._motion) if self._motion else None
-            self._adam.step(self._state, rates, slopes, motion)
+            self._step = self._adam.prepare(self._state, rates, slopes, motion)
+        if MASK_LOGIT in self._state.values:  # which decide what is drawn
+            self._settle()
 
     def add(self, slopes: Mapping[str, np.ndarray]) -> None:
         """Add to the gradients kept: of what is lost beside the pictures."""
@@ -138,23 +145,31 @@ class CpuEngine:
 
     def weights(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 2"]:  # noqa: ARG002 (no colour, no degree)
         """Give each Gaussian's blending weight summed over pixels of views of one timestep: plain, and by reference sensitivity."""
-        return self._looker.weights(self._state, targets)
+        return self._looker.weights(self.take(), targets)
 
     def removals(self, targets: Sequence[Target], degree: int) -> Float[np.ndarray, "n 4"]:
         """Give what views of one timestep change by where a Gaussian alone is removed: squared, absolute; plain and by sensitivity."""
-        return self._looker.removals(self._state, targets, degree)
+        return self._looker.removals(self.take(), targets, degree)
 
     @property
     def triangle_scale(self) -> Float[np.ndarray, " f"]:
         """Metres a local unit, of each triangle, in the pose of the last `differentiate` that could pose."""
         return self._scale
 
+    def _settle(self) -> None:
+        """Let the Gaussians take the step that they would take when they are placed next."""
+        step, self._step = self._step, None
+        if step is not None:
+            with self._time("Adam"):
+                self._adam.take(self._state, step)
+
     def _find_gradients(self, targets: Sequence[Target], losses: dict[str, float]) -> tuple[str, int] | None:
         """Leave the gradients of the mean loss and the parts of that; give the parameter and the row of a fault."""
         state, timestep, gradients = self._state, self._timestep, self._gradients
         row = self._row(timestep)
         posing = self._rig.prepare(row)
-        self._drawer.place(state, posing)
+        step, self._step = self._step, None
+        self._drawer.place(state, posing, step or self._adam.prepare(state, {}, None), step is not None)
         gradients.begin(state, posing.pose, self._drawer.splats, len(targets))
         for target in targets:
             try:

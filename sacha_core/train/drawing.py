@@ -25,6 +25,7 @@ from sacha_core.raster.view import view_parameters
 from sacha_core.train.kernels.place import BLOCK
 from sacha_core.train.kernels.pose_and_place import PARTS, pose_and_place
 from sacha_core.train.masks import alive
+from sacha_core.train.optimiser import GaussianStep
 from sacha_core.train.state import MASK_LOGIT, TrainState
 from sacha_core.train.views import Box
 
@@ -97,13 +98,21 @@ class Drawer:
         self._placing: Kept[Placing] = Kept()
         self._seen_from: KeptOfEach[tuple[np.ndarray, np.ndarray]] = KeptOfEach(CAMERAS)
 
-    def place(self, state: TrainState, posing: Posing) -> None:
-        """Let the next `draw` take a pose first, and carry the Gaussians along with the head."""
+    def place(self, state: TrainState, posing: Posing, step: GaussianStep, to_step: bool) -> None:
+        """Let the next `draw` take a pose first, and carry the Gaussians along with the head.
+
+        Args:
+            state: whose Gaussians; without masks if there is a step to take.
+            posing: of the head.
+            step: that the Gaussians take before, or one of the same state that they do not.
+            to_step: whether they do.
+        """
         values, pose = state.values, posing.pose
         own = tuple(values[name] for name in CARRIED)
         placing = self._placing.of(lambda: self._begin(state, pose), pose, state.binding, *own)
         self.splats, self.tilts = placing.splats, placing.tilts
         self._state, self._posing, self._placed, self._to_pose = state, posing, placing, True
+        self._step, self._to_step = step, to_step
         factors = alive(values[MASK_LOGIT]).astype(np.float32) if MASK_LOGIT in values else NO_MASKS
         self._carrying = (*placing.own, factors, *placing.rest)
 
@@ -152,17 +161,19 @@ class Drawer:
         )  # fmt: skip
         if degree is None:
             splats.colours[:, :3] = 0
+        to_step, self._to_step = self._to_step, False  # whatever becomes of the drawing
         turns, count, refused = new_turns(PARTS), np.zeros(1, np.int64), list[bool]()
 
         def work(_: int, __: int) -> None:
             sound = pose_and_place(
                 turns, self._to_pose, count, posing.joints, placed.vertex_bounds, posing.blend, posing.coefficients, posing.skin,
-                placed.face_bounds, posing.corners, posing.frames, faults, placed.bounds, sides, placing,
+                placed.face_bounds, posing.corners, posing.frames, faults,
+                placed.bounds, to_step, tuple(self._step), sides, placing,
             )  # fmt: skip
             if not sound:
                 refused.append(True)
 
-        with self._time("pose, place and colour"):
+        with self._time("Adam, pose, place and colour"):
             self._pool.run(work, self._pool.threads)
             if refused:
                 refuse_first(posing.pose, posing.corners[1], faults)

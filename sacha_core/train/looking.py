@@ -13,6 +13,7 @@ from sacha_core.parallel.pool import Pool
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.splats import ColourError
 from sacha_core.train.drawing import Drawer, Drawing
+from sacha_core.train.optimiser import Adam
 from sacha_core.train.rig import Rig
 from sacha_core.train.state import FITTED_MOTION, TrainState
 from sacha_core.train.views import Target
@@ -41,7 +42,7 @@ class Looker:
         self, rig: Rig, rasteriser: Rasteriser, pool: Pool, time: Callable[[str], AbstractContextManager[None]]
     ) -> None:
         self._rig, self._rasteriser = rig, rasteriser
-        self._drawer = Drawer(rasteriser, pool, time)
+        self._drawer, self._adam = Drawer(rasteriser, pool, time), Adam(pool)
 
     def weights(self, state: TrainState, targets: Sequence[Target]) -> Float[np.ndarray, "n 2"]:
         """See `sacha_core.train.engine.Engine.weights`."""
@@ -63,7 +64,7 @@ class Looker:
     ) -> Iterator[tuple[Target, Drawing]]:
         """Draw each view that can be drawn; the drawing holds until the next."""
         row = {name: state.values[name][targets[0].timestep] for name in FITTED_MOTION}
-        self._drawer.place(state, self._rig.prepare(row))
+        self._drawer.place(state, self._rig.prepare(row), self._adam.prepare(state, {}, None), to_step=False)
         for target in targets:
             try:
                 drawing = self._drawer.draw(target.camera, degree, target.box)

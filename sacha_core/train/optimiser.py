@@ -5,35 +5,30 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from sacha_core.animation.posed import block_bounds
 from sacha_core.parallel.kept import Kept
 from sacha_core.parallel.kernels.turns import new_turns
 from sacha_core.parallel.pool import Pool
 from sacha_core.train.gradients import ViewColours
-from sacha_core.train.kernels.adam import step_in_turns
+from sacha_core.train.kernels.adam import step_in_turns, step_one_row
 from sacha_core.train.state import FITTED_MOTION, ROWS, Arrays, TrainState
 
-__all__ = ["BETAS", "EPSILON", "Adam", "MotionSlopes", "Slopes"]
+__all__ = ["BETAS", "EPSILON", "Adam", "GaussianStep", "MotionSlopes", "Slopes"]
 
 BETAS = (0.9, 0.999)
 EPSILON = 1e-15
 LANES = (
     64  # Gaussians, of which a job takes a multiple, so that each falls into the same lane whichever thread steps it
 )
-REST_JOBS, PLAIN_JOBS = (
-    12,
-    4,
-)  # of about equal length: short ones begin too often with numbers that nobody has asked for yet
-NO_JOBS = np.zeros(1, np.int64)  # bounds of no range
+JOBS = 16  # of threads
 CONSTANTS = tuple(np.float32(number) for number in (*BETAS, 1 - BETAS[0], 1 - BETAS[1], EPSILON))
 NO_COLOURS = ViewColours(np.zeros(3, np.float32), np.zeros((0, 3), np.float32))
 Flat = Mapping[str, tuple[np.ndarray, ...]]  # values and moments by name
-Bounds = Int[np.ndarray, " b"]
 
 
 @dataclass(frozen=True)
@@ -65,11 +60,6 @@ class MotionSlopes:
     timestep: int
     by_name: Arrays
 
-    @property
-    def in_order(self) -> tuple[np.ndarray, ...]:
-        """The rows, in the order of `FITTED_MOTION`."""
-        return tuple(self.by_name[name] for name in FITTED_MOTION)
-
 
 @dataclass(frozen=True)
 class Together:
@@ -82,6 +72,24 @@ class Together:
 
     names: tuple[str, ...]
     arrays: tuple[Any, ...]
+
+
+class GaussianStep(NamedTuple):
+    """A step with the Gaussians that is still to be taken: what `step_gaussians` wants after a range.
+
+    Args:
+        by_rest: whether harmonics of degree 1 and up have gradients.
+        by_plain: whether any other attribute has.
+        degree: of the harmonics in use.
+        harmonics: what `harmonics_range` wants after that.
+        plain: what `step_range` wants after the rows.
+    """
+
+    by_rest: bool
+    by_plain: bool
+    degree: int
+    harmonics: tuple[Any, ...]
+    plain: tuple[Any, ...]
 
 
 NO_SLOPES = Slopes({}, np.zeros((0, 3), np.float32))
@@ -101,7 +109,6 @@ class Adam:
         self._looked_up: Kept[Flat] = Kept()
         self._together: Kept[Together] = Kept()
         self._moved: Kept[Together] = Kept()
-        self._jobs: Kept[tuple[Bounds, Bounds]] = Kept()
 
     def step(
         self, state: TrainState, rates: Mapping[str, float], slopes: Slopes | None, motion: MotionSlopes | None = None
@@ -114,23 +121,31 @@ class Adam:
             slopes: of the Gaussians; None if they stay.
             motion: of the motion, of which all timesteps step; None if it stays.
         """
+        self.take(state, self.prepare(state, rates, slopes, motion))
+
+    def take(self, state: TrainState, step: GaussianStep) -> None:
+        """Take a step that was prepared for this state; no other between."""
+        turns, bounds = new_turns(1), np.array(block_bounds(len(state), LANES, JOBS))
+        self._pool.run(lambda _, __: step_in_turns(turns, bounds, tuple(step)), self._pool.threads)
+
+    def prepare(
+        self, state: TrainState, rates: Mapping[str, float], slopes: Slopes | None, motion: MotionSlopes | None = None
+    ) -> GaussianStep:
+        """Step the motion, and give what is left to do of a step: gradients and state must stay as they are until then.
+
+        See `step` for arguments.
+        """
         kinds = state.values, state.first, state.second
         of = self._looked_up.of(lambda: flat(*kinds), *kinds[0].values(), *kinds[1].values(), *kinds[2].values())
-        moving = self._moving(state, of, rates, motion)
+        if motion is not None:
+            self._step_motion(state, of, rates, motion)
         slopes = slopes or NO_SLOPES
-        state.steps["gaussians"] += bool(slopes.by_name or slopes.colours)
-        pace, turns = Pace(state.steps["gaussians"]), new_turns(1)
-        rest_bounds, plain_bounds = self._jobs.of(lambda: jobs(len(state)), of)
-        rest_bounds = rest_bounds if slopes.colours and slopes.degree > 0 else NO_JOBS
-        plain_bounds = plain_bounds if slopes.by_name else NO_JOBS
-        harmonics = self._harmonics(state, rates, slopes, pace)
+        by_rest, by_plain = bool(slopes.colours) and slopes.degree > 0, bool(slopes.by_name)
+        state.steps["gaussians"] += by_plain or bool(slopes.colours)
+        pace = Pace(state.steps["gaussians"])
         some = self._together.of(lambda: of_gaussians(of, slopes.by_name, len(state)), of, *slopes.by_name.values())
         plain = (*some.arrays, pace.rates(rates, some.names), *pace.rest)
-
-        def work(_: int, __: int) -> None:
-            step_in_turns(turns, motion is not None, moving, rest_bounds, slopes.degree, harmonics, plain_bounds, plain)
-
-        self._pool.run(work, self._pool.threads)
+        return GaussianStep(by_rest, by_plain, slopes.degree, self._harmonics(state, rates, slopes, pace), plain)
 
     def _harmonics(self, state: TrainState, rates: Mapping[str, float], slopes: Slopes, pace: Pace) -> tuple[Any, ...]:
         """Give what `harmonics_range` wants after rows and degree."""
@@ -139,24 +154,14 @@ class Adam:
         rest = (kind["sh_rest"] for kind in (state.values, state.first, state.second))
         return (slopes.means, centres, cuts, *rest, pace.rate(rates.get("sh_rest", 0.0)), *pace.rest)
 
-    def _moving(
-        self, state: TrainState, of: Flat, rates: Mapping[str, float], motion: MotionSlopes | None
-    ) -> tuple[Any, ...]:
-        """Give what `step_one_row` wants; it is not called where nothing moves."""
+    def _step_motion(self, state: TrainState, of: Flat, rates: Mapping[str, float], motion: MotionSlopes) -> None:
+        """Step all timesteps, of which one has gradients."""
         rows = len(state.values[FITTED_MOTION[0]])
-        all_of_it = self._moved.of(lambda: of_motion(of, rows), of)
-        timestep, slopes = (0, all_of_it.arrays[1]) if motion is None else (motion.timestep, motion.in_order)
-        state.steps["motion"] += motion is not None
-        pace, (widths, values, first, second, space) = Pace(state.steps["motion"]), all_of_it.arrays
-        given = rates if motion is not None else dict.fromkeys(FITTED_MOTION, 0.0)
-        return (
-            timestep, rows, widths, values, slopes, first, second, pace.rates(given, FITTED_MOTION), *pace.rest, space
-        )  # fmt: skip
-
-
-def jobs(n: int) -> tuple[Bounds, Bounds]:
-    """Give bounds of ranges of Gaussians: of harmonics, and of everything else."""
-    return np.array(block_bounds(n, LANES, REST_JOBS)), np.array(block_bounds(n, LANES, PLAIN_JOBS))
+        widths, values, first, second, space = self._moved.of(lambda: of_motion(of, rows), of).arrays
+        state.steps["motion"] += 1
+        pace, slopes = Pace(state.steps["motion"]), tuple(motion.by_name[name] for name in FITTED_MOTION)
+        given = pace.rates(rates, FITTED_MOTION), *pace.rest, space
+        step_one_row(motion.timestep, rows, widths, values, slopes, first, second, *given)
 
 
 def of_gaussians(of: Flat, by_name: Arrays, n: int) -> Together:
@@ -186,7 +191,7 @@ class Pace:
     """What a step's number makes of the rates: the kernels' last arguments.
 
     Args:
-        step: counted from 1; 0 where none is taken.
+        step: counted from 1; 0 where none was taken yet.
 
     Attributes:
         rest: what does not depend on the rate.

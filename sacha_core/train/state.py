@@ -116,8 +116,11 @@ def initial_state(
 
 
 def lay_together(state: TrainState) -> None:
-    """Move what has a row a Gaussian to large pages: every step goes through all of it."""
+    """Move what has a row a Gaussian to large pages, unless it lies there: every step goes through all of it."""
     kinds = state.values, state.first, state.second
+    homes = {id(kind[name].base) for kind in kinds for name in ROWS if name in kind}
+    if len(homes) == 1 and state.values["position"].base is not None:
+        return
     moved = together({(k, name): kind[name] for k, kind in enumerate(kinds) for name in ROWS if name in kind})
     for (k, name), array in moved.items():
         kinds[k][name] = array

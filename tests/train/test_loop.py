@@ -362,7 +362,8 @@ def test_stages_make_up_the_time_of_all_iterations_but_the_first(tiny, tmp_path)
     start = time.perf_counter()
     train(tiny.capture, tiny.head, options(iterations=30), tmp_path, stopwatch=watch)
     whole = time.perf_counter() - start
-    assert watch.counts["rest"] == watch.counts["loss"] == watch.counts["Adam"] == 29
+    assert watch.counts["rest"] == watch.counts["loss"] == 29
+    assert watch.counts["Adam"] > 29  # once more at the end at least, where the last step is taken for itself
     assert watch.counts["density control"] == 29
     assert sum(watch.seconds.values()) < whole
     assert all(seconds >= 0 for seconds in watch.seconds.values())

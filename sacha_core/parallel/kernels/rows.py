@@ -197,7 +197,8 @@ def store_wide(typingctx, array, index, count, columns):
 def store_products(typingctx, array, index, values, factors):
     """Write for each of sixteen lanes a table of all products of values and factors, row after row of factors.
 
-    `values` are up to sixteen and `factors` up to four vectors; a table has at least sixteen numbers.
+    `values` are up to sixteen and `factors` up to four vectors. Tables lie one after the other and are written sixteen numbers at a time
+    from `index` on, as they will be read: what is read across two writes has to wait for both.
     """
     if array.dtype != types.float32:
         return None
@@ -205,22 +206,31 @@ def store_products(typingctx, array, index, values, factors):
     def codegen(context, builder, signature, args):
         values, factors = (cgutils.unpack_tuple(builder, arg) for arg in args[2:])
         width, numbers = len(factors), len(values) * len(factors)
-        padding = [UNDEFINED] * LANES
-        lists = [transposed(builder, (vectors + padding)[:LANES]) for vectors in (values, factors)]
+        rows = transposed(builder, (values + [UNDEFINED] * LANES)[:LANES])
+        table = joined(builder, factors)
+        parts = [
+            shuffle(builder, table, table, [(k * LANES + lane) % width * LANES + (k * LANES + lane) // width for lane in range(LANES)])
+            for k in range(width)
+        ]  # fmt: skip
         place = address(context, builder, signature.args[0], args[0], args[1])
-        for value, factor in zip(*lists, strict=True):
-            for first in [*range(0, numbers - LANES, LANES), numbers - LANES]:
-                places = [divmod(first + lane, width) for lane in range(LANES)]
-                parts = [
-                    shuffle(builder, vector, vector, [at[k] for at in places])
-                    for k, vector in enumerate((value, factor))
-                ]
-                target = builder.bitcast(builder.gep(place, [INT(first)]), VECTOR.as_pointer())
-                builder.store(builder.fmul(*parts), target, align=4)
-            place = builder.gep(place, [INT(numbers)])
+        for first in range(0, LANES * numbers, LANES):
+            places = [divmod(first + lane, numbers) for lane in range(LANES)]  # row, and place in its table
+            value = picked(builder, rows, [row * LANES + at // width for row, at in places])
+            factor = picked(builder, parts, [row * width + at % width for row, at in places])
+            target = builder.bitcast(builder.gep(place, [INT(first)]), VECTOR.as_pointer())
+            builder.store(builder.fmul(value, factor), target, align=4)
         return context.get_dummy_value()
 
     return types.void(array, types.intp, values, factors), codegen
+
+
+def picked(builder, vectors, numbers):
+    """Give sixteen numbers of a row of vectors, of one or of two of them."""
+    first, last = min(numbers) // LANES, max(numbers) // LANES
+    inside = {number // LANES for number in numbers}
+    assert inside <= {first, last}
+    places = [number % LANES + (LANES if number // LANES == last != first else 0) for number in numbers]
+    return shuffle(builder, vectors[first], vectors[last], places)
 
 
 def joined(builder, parts):

@@ -27,19 +27,14 @@ TINIEST = np.float32(1e-37)  # just above where float32 becomes denormal and ari
 
 
 @inlined
-def stepped(
-    value, gradient, mean, square, at, count, slopes, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
-):
-    """Step up to sixteen values from `at` on; moments too small for a normal number become 0.
+def moved(value, slope, mean, square, rate, beta1, beta2, rest1, rest2, epsilon, square_correction):
+    """Give sixteen values and both moments after a step; moments too small for a normal number become 0.
 
     Args:
-        value: flat float32, changed.
-        gradient: flat float32.
-        mean: flat float32, first moment, changed.
-        square: flat float32, second moment, changed.
-        at: first value.
-        count: so many there are.
-        slopes: where their gradients begin.
+        value: sixteen.
+        slope: their gradients.
+        mean: first moments.
+        square: second moments.
         rate: learning rate over the first moment's bias correction.
         beta1: decay of the first moment.
         beta2: decay of the second moment.
@@ -48,41 +43,50 @@ def stepped(
         epsilon: beside the root of the second moment.
         square_correction: one over the root of the second moment's bias correction.
     """
-    slope = load_first(gradient, slopes, count)
-    m = fma(splat(beta1), load_first(mean, at, count), slope * rest1)
-    s = fma(splat(beta2), load_first(square, at, count), slope * slope * rest2)
+    m = fma(splat(beta1), mean, slope * rest1)
+    s = fma(splat(beta2), square, slope * slope * rest2)
     m = select(absolute(m) > TINIEST, m, zeros())
     s = select(s > TINIEST, s, zeros())
     length = fma(square_root(s), splat(square_correction), splat(epsilon))
-    store_first(value, at, count, load_first(value, at, count) - m * rate / length)
-    store_first(mean, at, count, m)
-    store_first(square, at, count, s)
+    return value - m * rate / length, m, s
+
+
+@inlined
+def step_values(
+    value, gradient, mean, square, start, stop, slopes, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
+):
+    """Step the values `start` to `stop`; all arrays are flat float32, gradients begin at `slopes`; else as `moved`."""
+    ahead, whole = slopes - start, start + (stop - start) // LANES * LANES
+    for at in range(start, whole, LANES):  # without a look at how many there are, which takes half as long again
+        v, m, s = moved(
+            load(value, at), load(gradient, at + ahead), load(mean, at), load(square, at),
+            rate, beta1, beta2, rest1, rest2, epsilon, square_correction,
+        )  # fmt: skip
+        store(value, at, v)
+        store(mean, at, m)
+        store(square, at, s)
+    if whole < stop:
+        count = stop - whole
+        v, m, s = moved(
+            load_first(value, whole, count), load_first(gradient, whole + ahead, count), load_first(mean, whole, count),
+            load_first(square, whole, count), rate, beta1, beta2, rest1, rest2, epsilon, square_correction,
+        )  # fmt: skip
+        store_first(value, whole, count, v)
+        store_first(mean, whole, count, m)
+        store_first(square, whole, count, s)
 
 
 @kernel
 def step_range(
     start, stop, widths, values, gradients, means, squares, rates, beta1, beta2, rest1, rest2, epsilon, square_correction
 ):  # fmt: skip
-    """Step the rows `start` to `stop` of several arrays, all flat; arrays, widths and rates are tuples; else as `stepped`."""
+    """Step the rows `start` to `stop` of several arrays, all flat; arrays and widths are tuples; else as `moved`."""
     for k in range(len(widths)):
-        value, gradient, mean, square, rate = values[k], gradients[k], means[k], squares[k], rates[k]
-        for at in range(widths[k] * start, widths[k] * stop, LANES):
-            stepped(
-                value,
-                gradient,
-                mean,
-                square,
-                at,
-                widths[k] * stop - at,
-                at,
-                rate,
-                beta1,
-                beta2,
-                rest1,
-                rest2,
-                epsilon,
-                square_correction,
-            )
+        first, last = widths[k] * start, widths[k] * stop
+        step_values(
+            values[k], gradients[k], means[k], squares[k], first, last, first, rates[k],
+            beta1, beta2, rest1, rest2, epsilon, square_correction,
+        )  # fmt: skip
 
 
 @kernel
@@ -93,23 +97,9 @@ def step_one_row(
     for k in range(len(widths)):
         value, mean, square, rate, own, width = values[k], means[k], squares[k], rates[k], slopes[k], widths[k]
         gradient[width * row : width * (row + 1)] = own
-        for at in range(0, width * rows, LANES):
-            stepped(
-                value,
-                gradient,
-                mean,
-                square,
-                at,
-                width * rows - at,
-                at,
-                rate,
-                beta1,
-                beta2,
-                rest1,
-                rest2,
-                epsilon,
-                square_correction,
-            )
+        step_values(
+            value, gradient, mean, square, 0, width * rows, 0, rate, beta1, beta2, rest1, rest2, epsilon, square_correction
+        )  # fmt: skip
         gradient[width * row : width * (row + 1)] = F(0)
 
 
@@ -131,7 +121,7 @@ def harmonics_range(
         value: (n, k, 3) changed, as are the next two.
         mean: (n, k, 3) first moment.
         square: (n, k, 3) second moment.
-        rate: as of `stepped`, as are the others.
+        rate: as of `moved`, as are the others.
         beta1: see there.
         beta2: see there.
         rest1: see there.
@@ -153,34 +143,41 @@ def harmonics_range(
             for g in range(count):
                 for k in range(pitch):
                     slopes[pitch * g + k] = slopes[NUMBERS * g + k]
-        for k in range(0, pitch * count, LANES):
-            stepped(
-                value, slopes, mean, square, pitch * row + k, pitch * count - k, k,
-                rate, beta1, beta2, rest1, rest2, epsilon, square_correction,
-            )  # fmt: skip
+        step_values(
+            value, slopes, mean, square, pitch * row, pitch * (row + count), 0,
+            rate, beta1, beta2, rest1, rest2, epsilon, square_correction,
+        )  # fmt: skip
 
 
 @kernel
-def step_in_turns(turns, moves, motion, rest_bounds, degree, harmonics, plain_bounds, plain):
-    """Take one step with all that has gradients, in one call of each thread; jobs do not depend on one another.
+def step_in_turns(turns, bounds, stepping):
+    """Take a step with the Gaussians, range after range.
 
     Args:
         turns: one row of `turns.new_turns`.
-        moves: whether the motion steps.
-        motion: what `step_one_row` wants.
-        rest_bounds: (a + 1,) bounds of ranges of Gaussians whose harmonics of degree 1 and up step.
-        degree: of those, 1 to 3.
+        bounds: (a + 1,) of the ranges, jobs of threads.
+        stepping: what `step_gaussians` wants after a range.
+    """
+    job = take_turn(turns)
+    while job < len(bounds) - 1:
+        step_gaussians(bounds[job], bounds[job + 1], *stepping)
+        job = take_turn(turns)
+
+
+@kernel
+def step_gaussians(start, stop, by_rest, by_plain, degree, harmonics, plain):
+    """Step the Gaussians `start` to `stop`.
+
+    Args:
+        start: first row.
+        stop: end of the range.
+        by_rest: whether harmonics of degree 1 and up have gradients.
+        by_plain: whether any other attribute has.
+        degree: of the harmonics in use.
         harmonics: what `harmonics_range` wants after that.
-        plain_bounds: (b + 1,) likewise, of those whose other attributes step.
         plain: what `step_range` wants after the rows.
     """
-    by_rest, by_plain = len(rest_bounds) - 1, len(plain_bounds) - 1
-    job = take_turn(turns)
-    while job <= by_rest + by_plain:
-        if job < by_rest:
-            harmonics_range(rest_bounds[job], rest_bounds[job + 1], degree, *harmonics)
-        elif job < by_rest + by_plain:
-            step_range(plain_bounds[job - by_rest], plain_bounds[job - by_rest + 1], *plain)
-        elif moves:
-            step_one_row(*motion)
-        job = take_turn(turns)
+    if by_rest:
+        harmonics_range(start, stop, degree, *harmonics)
+    if by_plain:
+        step_range(start, stop, *plain)

@@ -1,4 +1,7 @@
-"""All that happens before a picture is drawn, in one call of each thread: the head is posed, and its Gaussians are placed and coloured."""
+"""All that happens before a picture is drawn, in one call of each thread: the head is posed, and its Gaussians are placed and coloured.
+
+Before they are, they take the step that the last picture asked for: what takes time is to bring them to the processor.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ from sacha_core.animation.kernels.frames import triangle_frames
 from sacha_core.animation.kernels.posing import pose_joints, pose_vertices
 from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.turns import finish_turn, take_turn, wait_for_turns
+from sacha_core.train.kernels.adam import step_gaussians
 from sacha_core.train.kernels.place import place
 
 PARTS = 4  # each needs all of the one before: joints, blocks of vertices, ranges of triangles, ranges of Gaussians
@@ -13,9 +17,10 @@ PARTS = 4  # each needs all of the one before: joints, blocks of vertices, range
 
 @kernel
 def pose_and_place(
-    turns, to_pose, count, joints, vertex_bounds, blend, coefficients, skin, face_bounds, corners, frames, faults, bounds, sides, placing
+    turns, to_pose, count, joints, vertex_bounds, blend, coefficients, skin, face_bounds, corners, frames, faults,
+    bounds, to_step, stepping, sides, placing,
 ):  # fmt: skip
-    """Pose a head unless it is posed; then, if no triangle is degenerate, place its Gaussians.
+    """Pose a head unless it is posed; then let its Gaussians step where they have to and, if no triangle is degenerate, place them.
 
     Args:
         turns: (PARTS, ...) of `turns.new_turns`.
@@ -31,12 +36,15 @@ def pose_and_place(
         frames: where it writes.
         faults: (b,) int64 out: the first degenerate triangle of each range, or -1.
         bounds: (c + 1,) bounds of ranges of Gaussians, jobs of the last part.
+        to_step: whether Gaussians step first.
+        stepping: what `step_gaussians` wants after a range.
         sides: (c, 4) float32 out: the box that each range reaches, see `place`.
         placing: what `place` wants after a range.
 
     Returns:
         Whether no triangle is degenerate.
     """
+    sound = True
     if to_pose:
         if take_turn(turns[0]) == 0:
             count[0] = pose_joints(*joints, *coefficients)
@@ -55,10 +63,12 @@ def pose_and_place(
             job = take_turn(turns[2])
         wait_for_turns(turns[2], len(face_bounds) - 1)
         for fault in faults:
-            if fault >= 0:
-                return False
+            sound &= fault < 0
     job = take_turn(turns[3])
     while job < len(bounds) - 1:
-        sides[job] = place(bounds[job], bounds[job + 1], *placing)
+        if to_step:
+            step_gaussians(bounds[job], bounds[job + 1], *stepping)
+        if sound:
+            sides[job] = place(bounds[job], bounds[job + 1], *placing)
         job = take_turn(turns[3])
-    return True
+    return sound
