@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 
@@ -214,13 +215,13 @@ class CpuEngine:
 
     def _cause(self, loss: float) -> tuple[str, int] | None:
         """Give what is not finite: an attribute and its first row, else a motion parameter, else the loss and their timestep."""
-        if (cause := self._gradients.fault()) is not None:
-            return cause
-        if self._motion and not np.abs(self._rig.row).max() <= LARGEST_GRADIENT:  # whatever it is that is no number
+        if not self._gradients.sound():
+            if (cause := self._gradients.fault()) is not None:
+                return cause
             for name, slope in self._motion.items():
                 if not (np.abs(slope) <= LARGEST_GRADIENT).all():
                     return name, self._timestep
-        return None if np.isfinite(loss) else ("loss", self._timestep)
+        return None if math.isfinite(loss) else ("loss", self._timestep)
 
     def _row(self, timestep: int) -> Arrays:
         return {name: self._state.values[name][timestep] for name in FITTED_MOTION}

@@ -23,7 +23,7 @@ from sacha_core.raster.rasteriser import NEAR, Frame, Rasteriser
 from sacha_core.raster.splats import Splats
 from sacha_core.raster.view import view_parameters
 from sacha_core.train.kernels.place import BLOCK
-from sacha_core.train.kernels.pose_and_place import PARTS, pose_and_place
+from sacha_core.train.kernels.pose_and_place import PARTS, enclosed, pose_and_place
 from sacha_core.train.masks import alive
 from sacha_core.train.optimiser import GaussianStep
 from sacha_core.train.state import MASK_LOGIT, TrainState
@@ -178,7 +178,7 @@ class Drawer:
             if refused:
                 refuse_first(posing.pose, posing.corners[1], faults)
             self._to_pose = False
-        reached = pixel_box(sides.tolist(), camera, MARGIN)
+        reached = pixel_box([enclosed(sides)] if len(sides) else [], camera, MARGIN)
         crop = union(reached, box, camera)
         part = camera.crop(crop[0], crop[1], crop[2] - crop[0], crop[3] - crop[1])
         return Drawing(self._rasteriser.forward(splats, part, BACKGROUND), crop, centre)

@@ -115,7 +115,7 @@ class GaussianGradients:
         self._rig, self._pool, self._with_mesh = rig, pool, with_mesh
         self._limits = np.array([losses.position_limit, losses.scale_limit, losses.position, losses.scale], np.float32)
         self._buffers = Buffers()
-        self._sound = np.ones(len(GROUPS) - 1, bool)
+        self._sound = np.ones(len(GROUPS), bool)
         self._chunked: Kept[Chunks] = Kept()
         self._settled: Kept[Settling] = Kept()
         self.penalties = (0.0, 0.0)
@@ -201,6 +201,7 @@ class GaussianGradients:
                 turns, GROUPS, chunks.rows, len(self._state), self._sound, half_way.scratch[worker], half_way.arguments,
                 (colours, notes, own, totals, last, (*before, *settling.spaces[worker])),
                 self._with_mesh and last, way.blocks, way.skin, way.spaces[worker], way.sums, way.joints,
+                self._rig.row, LARGEST_GRADIENT,
             )  # fmt: skip
 
         self._pool.run(work, self._pool.threads)
@@ -208,9 +209,13 @@ class GaussianGradients:
             strayed, swollen = settling.penalties.sum(axis=0)
             self.penalties = float(strayed), float(swollen)
 
+    def sound(self) -> bool:
+        """Tell whether all gradients are finite and small enough to go on with, those by the pose among them."""
+        return bool(self._sound.all())
+
     def fault(self) -> tuple[str, int] | None:
-        """Give the attribute and the row of the first gradient that is not finite or too large to go on with; None if all are sound."""
-        if self._sound.all():
+        """Give the attribute and the row of the first gradient of a Gaussian that is not; None if all are sound."""
+        if self._sound[:-1].all():
             return None
         flat = [np.abs(self.by_name[name].reshape(len(self.seen), -1)).max(axis=1) for name in WIDTHS]
         wrong = ~(np.stack(flat, axis=1) <= LARGEST_GRADIENT)

@@ -144,7 +144,8 @@ class Adam:
         state.steps["gaussians"] += by_plain or bool(slopes.colours)
         pace = Pace(state.steps["gaussians"])
         some = self._together.of(lambda: of_gaussians(of, slopes.by_name, len(state)), of, *slopes.by_name.values())
-        plain = (*some.arrays, pace.rates(rates, some.names), *pace.rest)
+        given = tuple(rates.get(name, 0.0) for name in some.names)
+        plain = (*some.arrays, given, pace.correction, *pace.rest)
         return GaussianStep(by_rest, by_plain, slopes.degree, self._harmonics(state, rates, slopes, pace), plain)
 
     def _harmonics(self, state: TrainState, rates: Mapping[str, float], slopes: Slopes, pace: Pace) -> tuple[Any, ...]:
@@ -160,7 +161,7 @@ class Adam:
         widths, values, first, second, space = self._moved.of(lambda: of_motion(of, rows), of).arrays
         state.steps["motion"] += 1
         pace, slopes = Pace(state.steps["motion"]), tuple(motion.by_name[name] for name in FITTED_MOTION)
-        given = pace.rates(rates, FITTED_MOTION), *pace.rest, space
+        given = tuple(rates[name] for name in FITTED_MOTION), pace.correction, *pace.rest, space
         step_one_row(motion.timestep, rows, widths, values, slopes, first, second, *given)
 
 
@@ -194,17 +195,14 @@ class Pace:
         step: counted from 1; 0 where none was taken yet.
 
     Attributes:
+        correction: of the first moment's bias, which the others' rates are divided by.
         rest: what does not depend on the rate.
     """
 
     def __init__(self, step: int) -> None:
-        self._correction = 1 - BETAS[0] ** max(step, 1)
+        self.correction = 1 - BETAS[0] ** max(step, 1)
         self.rest = (*CONSTANTS, np.float32(1 / math.sqrt(1 - BETAS[1] ** max(step, 1))))
 
     def rate(self, rate: float) -> np.float32:
         """Give the first of them for a learning rate."""
-        return np.float32(rate / self._correction)
-
-    def rates(self, rates: Mapping[str, float], names: Sequence[str]) -> Float[np.ndarray, " k"]:
-        """Give it for the rates of these names; any number where there is none."""
-        return (np.array([rates.get(name, 0.0) for name in names]) / self._correction).astype(np.float32)
+        return np.float32(rate / self.correction)

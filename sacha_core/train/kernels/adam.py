@@ -78,24 +78,34 @@ def step_values(
 
 @kernel
 def step_range(
-    start, stop, widths, values, gradients, means, squares, rates, beta1, beta2, rest1, rest2, epsilon, square_correction
+    start, stop, widths, values, gradients, means, squares, rates, correction, beta1, beta2, rest1, rest2, epsilon, square_correction
 ):  # fmt: skip
-    """Step the rows `start` to `stop` of several arrays, all flat; arrays and widths are tuples; else as `moved`."""
+    """Step the rows `start` to `stop` of several arrays, all flat; arrays, widths and rates are tuples; else as `moved`.
+
+    Its rate is one of `rates` over `correction`, that of the first moment's bias.
+    """
     for k in range(len(widths)):
         first, last = widths[k] * start, widths[k] * stop
         step_values(
-            values[k], gradients[k], means[k], squares[k], first, last, first, rates[k],
+            values[k], gradients[k], means[k], squares[k], first, last, first, F(rates[k] / correction),
             beta1, beta2, rest1, rest2, epsilon, square_correction,
         )  # fmt: skip
 
 
 @kernel
 def step_one_row(
-    row, rows, widths, values, slopes, means, squares, rates, beta1, beta2, rest1, rest2, epsilon, square_correction, gradient
+    row, rows, widths, values, slopes, means, squares, rates, correction, beta1, beta2, rest1, rest2, epsilon, square_correction, gradient
 ):  # fmt: skip
     """Step all `rows` of several arrays, of which one has gradients, `slopes`; `gradient` holds zeros, and will again."""
     for k in range(len(widths)):
-        value, mean, square, rate, own, width = values[k], means[k], squares[k], rates[k], slopes[k], widths[k]
+        value, mean, square, rate, own, width = (
+            values[k],
+            means[k],
+            squares[k],
+            F(rates[k] / correction),
+            slopes[k],
+            widths[k],
+        )
         gradient[width * row : width * (row + 1)] = own
         step_values(
             value, gradient, mean, square, 0, width * rows, 0, rate, beta1, beta2, rest1, rest2, epsilon, square_correction

@@ -13,7 +13,9 @@ PARTS = 4  # each needs all of the one before: blocks that ranges share, ranges 
 
 
 @kernel
-def go_back(turns, groups, rows_of, n, sound, scratch, projecting, view, with_mesh, blocks, skin, space, sums, joints):
+def go_back(
+    turns, groups, rows_of, n, sound, scratch, projecting, view, with_mesh, blocks, skin, space, sums, joints, slopes, largest
+):  # fmt: skip
     """Take a view's gradients; with the last view, settle them, and go on to the pose where it is wanted.
 
     Args:
@@ -21,7 +23,7 @@ def go_back(turns, groups, rows_of, n, sound, scratch, projecting, view, with_me
         groups: (g + 1,) bounds of ranges of chunks, jobs of the second part.
         rows_of: (chunks + 1,) first Gaussian of each chunk.
         n: how many Gaussians there are.
-        sound: (g,) bool out: whether all gradients of a range are.
+        sound: (g + 1,) bool out: whether all gradients of a range are; last, whether those of the pose are.
         scratch: of this thread, that `project_backward` works in.
         projecting: what it wants after that.
         view: what `take_view` wants after that.
@@ -31,6 +33,8 @@ def go_back(turns, groups, rows_of, n, sound, scratch, projecting, view, with_me
         space: of this thread, that it works in.
         sums: (blocks, ...) that it leaves.
         joints: what `pose_backward` wants after those.
+        slopes: float64, where it leaves the gradients by the pose.
+        largest: that a gradient may be.
     """
     if take_turn(turns[0]) == 0:
         for group in range(1, len(groups) - 1):
@@ -55,3 +59,7 @@ def go_back(turns, groups, rows_of, n, sound, scratch, projecting, view, with_me
         if take_turn(turns[3]) == 0:
             wait_for_turns(turns[2], blocks)
             pose_backward(*sums, *joints)
+            fine = True
+            for slope in slopes:
+                fine &= abs(slope) <= largest
+            sound[len(groups) - 1] = fine

@@ -72,3 +72,13 @@ def pose_and_place(
             sides[job] = place(bounds[job], bounds[job + 1], *placing)
         job = take_turn(turns[3])
     return sound
+
+
+@kernel
+def enclosed(sides):
+    """Give the box around some, as `reach` gives them."""
+    left, top, right, bottom = sides[0, 0], sides[0, 1], sides[0, 2], sides[0, 3]
+    for k in range(1, len(sides)):
+        left, top = min(left, sides[k, 0]), min(top, sides[k, 1])
+        right, bottom = max(right, sides[k, 2]), max(bottom, sides[k, 3])
+    return left, top, right, bottom
