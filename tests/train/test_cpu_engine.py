@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.raster.scene import render_avatar
 from sacha_core.train.cpu_engine import CpuEngine
 from sacha_core.train.options import LossOptions, TrainOptions
-from sacha_core.train.state import FITTED_MOTION, Arrays, TrainState, initial_state
+from sacha_core.train.state import ATTRIBUTES, FITTED_MOTION, Arrays, TrainState, initial_state
 from sacha_core.train.views import TrainingViews, box_of
 
 # The loss is float32 and jumps where an alpha crosses 1/255 or two Gaussians change places in depth. Slopes over several steps, averaged,
@@ -262,3 +263,53 @@ def test_several_cameras_at_once_are_the_mean_of_each_alone(tiny, scene) -> None
     total = np.sum([one.image_gradient for one in alone], axis=0)
     assert together.image_gradient == pytest.approx(total, abs=MEANS * float(total.max()))
     assert np.array_equal(state.gradient_count, np.sum([one.visible for one in alone], axis=0))
+
+
+def run_on(engine: CpuEngine, state: TrainState, targets, looks: bool) -> None:
+    """Do an iteration for each target; who looks at the state in between has each step taken for itself, not with the next placing."""
+    rates = dict.fromkeys((*state.values,), 1e-3)
+    for iteration, target in enumerate(targets, 1):
+        engine.differentiate(iteration, [target], DEGREE)
+        engine.advance(rates, frozenset())
+        if looks:
+            engine.take()
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("unposable", [None, 2])
+def test_steps_joined_with_placing_are_those_taken_for_themselves(tiny, scene, threads, unposable) -> None:
+    """To the bit, also where the next iteration cannot pose the head."""
+    _, state, _ = scene
+    views, states = TrainingViews(tiny.capture), []
+    targets = [views[index] for index in (7, 2, 11, 7)]
+    if unposable is not None:
+        state.values["neck"][targets[unposable].timestep] = np.nan
+    for looks in (True, False):
+        own = deepcopy(state)
+        engine = CpuEngine(tiny.head, tiny.capture.motion, TrainOptions(threads=threads))
+        engine.put(own)
+        run_on(engine, own, targets, looks)
+        states.append(engine.take())
+    one, other = states
+    assert one.faults == other.faults
+    assert one.faults.count == (
+        0 if unposable is None else sum(t.timestep == targets[unposable].timestep for t in targets)
+    )
+    assert not np.array_equal(one.values["position"], state.values["position"])
+    for kind in ("values", "first", "second"):
+        for name, array in getattr(one, kind).items():
+            assert np.array_equal(array, getattr(other, kind)[name], equal_nan=True), (kind, name)
+
+
+def test_a_state_from_anywhere_lies_in_one_piece_once_it_is_trained_on(scene) -> None:
+    engine, state, _ = scene
+    scattered = deepcopy(state)
+    before = {name: array.copy() for name, array in scattered.values.items()}
+    engine.put(scattered)
+    rows = [kind[name] for kind in (scattered.values, scattered.first, scattered.second) for name in ATTRIBUTES]
+    assert len({id(array.base) for array in rows}) == 1
+    for name, array in before.items():
+        assert np.array_equal(scattered.values[name], array)
+    arrays = dict(scattered.values)
+    engine.put(scattered)
+    assert all(scattered.values[name] is array for name, array in arrays.items())  # and stays there
