@@ -18,6 +18,7 @@ from sacha_core.parallel.kernels.lanes import (
     maximum,
     minimum,
     prefetch,
+    prefetch_to_write,
     select,
     some,
     splat,
@@ -36,6 +37,7 @@ BASIS = (
     -0.5900435899266435,
 )  # fmt: skip
 AHEAD = 2 * LANES  # rows; the processor does not foresee rows that are read in three goes
+FAR_AHEAD = 4 * LANES  # rows, where each takes little to do
 COEFFICIENTS = 15  # of degree 1 to 3
 NUMBERS = 3 * COEFFICIENTS
 
@@ -280,7 +282,14 @@ def harmonic_gradients(start, stop, tilts, colours, gradient, cut, g_means):
     colours, gradient = colours.reshape(colours.size), gradient.reshape(gradient.size)
     tilts, cut, g_means = tilts.reshape(tilts.size), cut.reshape(cut.size), g_means.reshape(g_means.size)
     for row in range(start, stop, LANES):
-        count = stop - row
+        count, ahead = stop - row, row + FAR_AHEAD
+        for line in range(0, 3 * LANES, LANES):  # more streams than the processor foresees
+            prefetch_to_write(cut, 3 * ahead + line)
+            prefetch(tilts, 3 * ahead + line)
+            prefetch(tilts, 3 * ahead + line + plane)
+            prefetch(tilts, 3 * ahead + line + 2 * plane)
+        for line in range(0, width * LANES, LANES):
+            prefetch(colours, width * ahead + line)
         if width == 4:
             red, green, blue, _ = load_columns(colours, 4 * row, 4, count)
             g_red, g_green, g_blue, _ = load_columns(gradient, 4 * row, 4, count)

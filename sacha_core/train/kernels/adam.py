@@ -12,6 +12,7 @@ from sacha_core.parallel.kernels.lanes import (
     inlined,
     load,
     load_first,
+    prefetch_to_write,
     select,
     splat,
     square_root,
@@ -23,6 +24,9 @@ from sacha_core.parallel.kernels.turns import take_turn
 from sacha_core.raster.kernels.harmonics import NUMBERS, rest_gradients
 
 F = np.float32
+AHEAD = (
+    16 * LANES
+)  # numbers: the processor does not foresee what lies beyond a page of 4096 bytes, or where a range begins
 TINIEST = np.float32(1e-37)  # just above where float32 becomes denormal and arithmetic slow
 
 
@@ -58,6 +62,9 @@ def step_values(
     """Step the values `start` to `stop`; all arrays are flat float32, gradients begin at `slopes`; else as `moved`."""
     ahead, whole = slopes - start, start + (stop - start) // LANES * LANES
     for at in range(start, whole, LANES):  # without a look at how many there are, which takes half as long again
+        prefetch_to_write(value, at + AHEAD)
+        prefetch_to_write(mean, at + AHEAD)
+        prefetch_to_write(square, at + AHEAD)
         v, m, s = moved(
             load(value, at), load(gradient, at + ahead), load(mean, at), load(square, at),
             rate, beta1, beta2, rest1, rest2, epsilon, square_correction,
