@@ -22,9 +22,7 @@ __all__ = ["BETAS", "EPSILON", "Adam", "GaussianStep", "MotionSlopes", "Slopes"]
 
 BETAS = (0.9, 0.999)
 EPSILON = 1e-15
-LANES = (
-    64  # Gaussians, of which a job takes a multiple, so that each falls into the same lane whichever thread steps it
-)
+LANES = 64  # of whose multiples jobs are, so that each Gaussian falls into the same lane whichever thread steps it
 JOBS = 16  # of threads
 CONSTANTS = tuple(np.float32(number) for number in (*BETAS, 1 - BETAS[0], 1 - BETAS[1], EPSILON))
 NO_COLOURS = ViewColours(np.zeros(3, np.float32), np.zeros((0, 3), np.float32))
