@@ -167,7 +167,7 @@ def write_tuned(
     """Fit the model through the quantiser to what it was trained on, write the file, and tell of both."""
     from sacha_core.avatar.avatar import Avatar
     from sacha_core.files import write_aside
-    from sacha_core.rate.finetune import TuningOptions
+    from sacha_core.rate.making_up import MakingUpOptions
     from sacha_core.rate.pictures import CaptureSteps
     from sacha_core.rate.tuned import encode_tuned
     from sacha_core.train.views import TrainingViews
@@ -177,7 +177,7 @@ def write_tuned(
     path = trained.folder / f"level-{level}.sacha"
     avatar = Avatar(trained.gaussians, head.reference, trained.motion)
     steps = CaptureSteps(TrainingViews(capture, options.width, options.height))
-    how = TuningOptions(loss="training", threads=options.threads, seed=options.seed)
+    how = MakingUpOptions(loss="training", threads=options.threads, seed=options.seed)
     start = time.perf_counter()
     data = encode_tuned(avatar, level, head=head, steps=steps, options=how, report=console.report)
     seconds = time.perf_counter() - start

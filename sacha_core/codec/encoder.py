@@ -25,6 +25,7 @@ from sacha_core.codec.head import encode_head
 from sacha_core.codec.header import Header
 from sacha_core.codec.hidden import encode_hidden
 from sacha_core.codec.importance import GaussianImportance
+from sacha_core.codec.in_turn import Remaining, encode_in_turn, for_coding_in_turn
 from sacha_core.codec.levels import Level, level_named
 from sacha_core.codec.motion_writer import encode_motion
 from sacha_core.codec.opacity import encode_opacity, opacity_index, opacity_table
@@ -104,10 +105,12 @@ def encode_traced(
     group_frames: int = GROUP_FRAMES,
     importance: GaussianImportance | None = None,
     recolour: Recolour | None = None,
+    remaining: Remaining | None = None,
 ) -> tuple[bytes, Int[np.ndarray, " m"]]:
     """Compress an avatar as `encode` does; give the bytes, and which of its Gaussians each of the m decoded ones is.
 
-    `recolour` chooses colours when all else is decided, to make up for what that lost; None keeps them.
+    `recolour` chooses colours when all else is decided, to make up for what that lost; None keeps them. `remaining` moves all that is not
+    coded yet after each attribute, and wants to know the importance; colours are its own then.
     """
     chosen = level if isinstance(level, Level) else level_named(level)
     if not 1 <= group_frames <= 65535:
@@ -126,7 +129,7 @@ def encode_traced(
     template = template_of(head.v_template, head.faces) if head else unknown_template(avatar.head.n_faces)
     rows = np.flatnonzero(keep)
     mine = None if recolour is None else lambda decoded, order: recolour(decoded, rows[order])
-    sections, order = encode_gaussians(gaussians, template, chosen, importance, head, mine)
+    sections, order = encode_gaussians(gaussians, template, chosen, importance, head, mine, remaining)
     made = (chosen.number, len(gaussians), gaussians.sh_degree, avatar.head, avatar.scheme)
     header = Header(*made, needs_head=head is not None)
     if avatar.motion is not None:
@@ -177,6 +180,7 @@ def encode_gaussians(
     importance: GaussianImportance | None = None,
     head: HeadModel | None = None,
     recolour: Recolour | None = None,
+    remaining: Remaining | None = None,
 ) -> tuple[list[Section], Int[np.ndarray, " n"]]:
     """Code all attributes, each after those that its steps follow; give the sections, and the row of each Gaussian in coding order."""
     prepared, importance, order = prepare(gaussians, template, level, importance)
@@ -184,8 +188,12 @@ def encode_gaussians(
     if importance is not None and len(order):
         plan = plan_by_worth(prepared, level, importance, plan)
     counts = encode_layout(prepared.numbers, template, prepared.by_vertex)
-    mine = None if recolour is None or not len(order) else lambda decoded: recolour(decoded, order)
-    return [Section("Counts", counts), *encode_planned(prepared, plan, head, importance, mine)], order
+    if remaining is not None and importance is not None and len(order):
+        sections = encode_in_turn(prepared, for_coding_in_turn(plan), head, importance, remaining)
+    else:
+        mine = None if recolour is None or not len(order) else lambda decoded: recolour(decoded, order)
+        sections = encode_planned(prepared, plan, head, importance, mine)
+    return [Section("Counts", counts), *sections], order
 
 
 def price_of_a_bit(gaussians: Gaussians, head: HeadModel, level: int | Level, importance: GaussianImportance) -> float:

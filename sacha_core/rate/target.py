@@ -27,6 +27,7 @@ NARROW = 0.01  # levels; sizes hardly differ within
 LOG_BYTES_PER_LEVEL, DB_PER_LEVEL = 0.3, 5.5  # about, for the second trial
 SIZE_TOLERANCE = 0.01  # of the size: a file may be this much smaller than it might
 DB_TOLERANCE = 0.05  # and this much better
+SURELY = 3.0  # times as many levels finer as a target that was just missed is away: the last trial
 CHECKS = 3  # over all views, each of which takes as long as several encodings
 UNITS = {"": 1, "b": 1, "kb": 1000, "mb": 1000**2, "kib": 1024, "mib": 1024**2}
 
@@ -68,8 +69,10 @@ class Encoder(Protocol):
         ...
 
 
-def encode_to_size(encoder: Encoder, n_bytes: int, report: Report = silent) -> Reached:
-    """Find the best file of at most so many bytes, motion and all included.
+def encode_to_size(
+    encoder: Encoder, n_bytes: int, report: Report = silent, start: float = START, n_trials: int = MOST_TRIALS
+) -> Reached:
+    """Find the best file of at most so many bytes, motion and all included, from a quality `start` on, by at most `n_trials` encodings.
 
     Raises:
         OptionError: even the smallest file is larger; the message says how large.
@@ -79,7 +82,7 @@ def encode_to_size(encoder: Encoder, n_bytes: int, report: Report = silent) -> R
     def size(quality: float) -> float:
         return math.log(len(trials.at(quality).data))
 
-    tried = search(size, math.log(n_bytes), LOG_BYTES_PER_LEVEL, -SIZE_TOLERANCE)
+    tried = search(size, math.log(n_bytes), LOG_BYTES_PER_LEVEL, -SIZE_TOLERANCE, start, n_trials)
     fitting = [quality for quality in tried if len(trials.at(quality).data) <= n_bytes]
     if not fitting:
         smallest = min(len(trials.at(quality).data) for quality in tried)
@@ -89,10 +92,18 @@ def encode_to_size(encoder: Encoder, n_bytes: int, report: Report = silent) -> R
     return Reached(trials.at(max(fitting)), None, len(trials))
 
 
-def encode_to_psnr(encoder: Encoder, judge: Judge, decibels: float, report: Report = silent) -> Reached:
+def encode_to_psnr(
+    encoder: Encoder,
+    judge: Judge,
+    decibels: float,
+    report: Report = silent,
+    start: float = START,
+    n_trials: int = MOST_TRIALS,
+) -> Reached:
     """Find the smallest file that reaches a PSNR against the uncompressed avatar, over all views of the protocol.
 
-    Searches by an eighth of the views, then holds what it found to all of them and corrects itself.
+    Searches by an eighth of the views, from a quality `start` on and by at most `n_trials` encodings, then holds what it found
+    to all of them and corrects itself, as often at most.
 
     Raises:
         OptionError: even the best file does not reach it; the message says how far it comes.
@@ -100,15 +111,15 @@ def encode_to_psnr(encoder: Encoder, judge: Judge, decibels: float, report: Repo
     if not 0 < decibels < math.inf:
         raise OptionError(f"a target of {decibels:g} dB, expected a finite number above 0")
     trials, offset, checked = Trials(encoder, report), 0.0, dict[float, float]()
-    head, start = encoder.head, START
+    head = encoder.head
 
     def quick(quality: float) -> float:
         return judge.quick(decode(trials.at(quality).data, head=head).gaussians)
 
     for _ in range(CHECKS):
-        tried = search(quick, decibels - offset, DB_PER_LEVEL, DB_TOLERANCE, start)
+        tried = search(quick, decibels - offset, DB_PER_LEVEL, DB_TOLERANCE, start, n_trials)
         fitting = [quality for quality, found in tried.items() if found >= decibels - offset]
-        start = min(fitting, default=max(tried))
+        start = min(fitting, key=lambda quality: (len(trials.at(quality).data), quality), default=max(tried))
         if start not in checked:
             checked[start] = judge.full(decode(trials.at(start).data, head=head).gaussians)
         offset = checked[start] - tried[start]
@@ -155,7 +166,12 @@ class Trials:
 
 
 def search(
-    measure: Callable[[float], float], target: float, slope: float, tolerance: float, start: float = START
+    measure: Callable[[float], float],
+    target: float,
+    slope: float,
+    tolerance: float,
+    start: float = START,
+    n_trials: int = MOST_TRIALS,
 ) -> dict[float, float]:
     """Measure at a few qualities, each nearer to the target, until one is within the tolerance on its side.
 
@@ -165,14 +181,16 @@ def search(
         slope: about how much it rises in a level.
         tolerance: positive if the target shall be reached and may be exceeded by so much, negative if it shall not be exceeded.
         start: where to begin.
+        n_trials: measurements, at most.
 
     Returns:
         What was measured, by quality. The ends of the range are in it where the target lies beyond.
     """
     tried: dict[float, float] = {}
+    usual = slope
     low, high, quality = MIN_QUALITY, MAX_QUALITY, start
     aim = target + tolerance / 2
-    for _ in range(MOST_TRIALS):
+    for _ in range(n_trials):
         quality = round(quality, 4)
         off = tried.setdefault(quality, measure(quality)) - target
         if 0 <= off * math.copysign(1, tolerance) <= abs(tolerance):
@@ -188,4 +206,10 @@ def search(
                 (first, before), (second, after) = list(tried.items())[-2:]
                 slope = max((after - before) / (second - first), slope / 4)
             quality = min(max(quality + (aim - tried[quality]) / slope, low), high)
+    if (
+        max(tried.values()) < target and tolerance > 0
+    ):  # trials are spent: one more that is sure to reach it, if any does
+        quality = round(min(max(tried) + SURELY * (target - max(tried.values())) / usual + NARROW, MAX_QUALITY), 4)
+        if quality not in tried:
+            tried[quality] = measure(quality)
     return tried

@@ -1,4 +1,4 @@
-"""Encoding with fitting: fewer Gaussians that look like all of them did, fitted through the quantiser.
+"""Encoding with fitting: fewer Gaussians that look like all of them did, whose numbers make up for one another's rounding.
 
 Source: own.
 """
@@ -20,17 +20,19 @@ from sacha_core.progress import Report, silent
 from sacha_core.rate.capture_error import capture_error
 from sacha_core.rate.curvature import importance_of
 from sacha_core.rate.encoding import Encoded, RenderingEncoder
-from sacha_core.rate.finetune import TuningOptions, finetune
 from sacha_core.rate.fitted_encoder import FittedEncoder
 from sacha_core.rate.fitting import Fitting
 from sacha_core.rate.goal import Goal, SameQuality, SameSize
 from sacha_core.rate.judging import Judge
+from sacha_core.rate.making_up import MakingUp, MakingUpOptions
 from sacha_core.rate.pictures import own_pictures
 from sacha_core.rate.target import DB_PER_LEVEL, DB_TOLERANCE, Reached, Trials, encode_to_psnr, encode_to_size, search
 from sacha_core.rate.thinning import Outlook, ThinningOptions, fit, thin
 from sacha_core.train.views import Target
 
 __all__ = ["Tuner", "encode_tuned"]
+
+TRIALS = 3  # encodings in a search, each of which fits anew: their quality is off what its level promises by 0.1 dB either way
 
 
 class Tuner:
@@ -43,7 +45,7 @@ class Tuner:
         steps: pictures that are fitted to in the end, with timesteps of the avatar's motion, as `pictures.CaptureSteps` gives them; None
             for the avatar's own.
         factors: as in `RenderingEncoder`.
-        options: of fitting through the quantiser.
+        options: of what is fitted while files are made.
         thinning: of leaving out Gaussians.
         report: told about progress.
 
@@ -60,12 +62,12 @@ class Tuner:
         embed_head: bool = False,
         steps: Sequence[Sequence[Target]] | None = None,
         factors: Float[np.ndarray, " n"] | None = None,
-        options: TuningOptions | None = None,
+        options: MakingUpOptions | None = None,
         thinning: ThinningOptions | None = None,
         report: Report = silent,
     ) -> None:
         self._avatar, self._head, self._embed, self._factors = avatar, head, embed_head, factors
-        self._steps, self._options = steps, options or TuningOptions()
+        self._steps, self._options = steps, options or MakingUpOptions()
         self._thinning, self._report = thinning or ThinningOptions(), report
         self._plain = RenderingEncoder(avatar, head, embed_head, factors=factors)
         self._judge = Judge(avatar, head)
@@ -97,7 +99,8 @@ class Tuner:
         found = inspect(plain.encoded.data)
         room = max(n_bytes - (found.total_bytes - found.gaussian_bytes), 1)
         try:
-            fitted = encode_to_size(self._fitted(plain.encoded, SameSize(room)), n_bytes, self._report)
+            fitting = self._fitted(plain.encoded, SameSize(room))
+            fitted = encode_to_size(fitting, n_bytes, self._report, fitting.quality, TRIALS)
         except OptionError:  # so small that fitting, which bits hardly bind, makes it too large
             return plain
         worse = self._quick(fitted.encoded) < self._quick(plain.encoded) if self._steps is None else False
@@ -117,7 +120,7 @@ class Tuner:
         aim = decibels + self._quick(plain.encoded) - plain.psnr_db
         fitted = self._fitted(plain.encoded, SameQuality(aim))
         try:
-            found = encode_to_psnr(fitted, self._judge, decibels, self._report)
+            found = encode_to_psnr(fitted, self._judge, decibels, self._report, fitted.quality, TRIALS)
         except OptionError:  # too few are left for it: the plain file reaches it
             return plain
         if len(found.encoded.data) >= len(plain.encoded.data):
@@ -145,14 +148,15 @@ class Tuner:
         steps: Sequence[Sequence[Target]] = own
         if self._steps is not None:
             steps, posed = self._steps, replace(posed, motion=avatar.motion)
-        gaussians = finetune(posed, head, level_at(thinned.quality), steps, importance, how, self._report)
-        left = replace(avatar, gaussians=gaussians)
-        return FittedEncoder(left, head, self._embed, importance, rows, thinned.quality, number)
+        left, remaining = replace(avatar, gaussians=posed.gaussians), MakingUp(posed, head, steps, how)
+        return FittedEncoder(left, head, self._embed, importance, remaining, rows, thinned.quality, number)
 
     def _smallest(self, fitted: FittedEncoder, decibels: float) -> Encoded | None:
         """Give the smallest file that reaches a PSNR over the views that are quickly looked at; None where none does."""
         trials = Trials(fitted, self._report)
-        tried = search(lambda q: self._quick(trials.at(q)), decibels, DB_PER_LEVEL, DB_TOLERANCE, fitted.quality)
+        tried = search(
+            lambda q: self._quick(trials.at(q)), decibels, DB_PER_LEVEL, DB_TOLERANCE, fitted.quality, TRIALS
+        )
         reaching = [trials.at(quality) for quality, found in tried.items() if found >= decibels]
         return min(reaching, key=lambda one: len(one.data), default=None)
 
@@ -177,11 +181,11 @@ def encode_tuned(
     head: HeadModel,
     steps: Sequence[Sequence[Target]] | None = None,
     embed_head: bool = False,
-    options: TuningOptions | None = None,
+    options: MakingUpOptions | None = None,
     thinning: ThinningOptions | None = None,
     report: Report = silent,
 ) -> bytes:
-    """Compress an avatar as well as `encode_by_rendering` does at a level, in fewer bytes: fewer Gaussians, fitted through the quantiser.
+    """Compress an avatar as well as `encode_by_rendering` does at a level, in fewer bytes: fewer Gaussians, fitted to make up for rounding.
 
     Args:
         avatar: what to compress.

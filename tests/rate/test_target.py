@@ -46,6 +46,13 @@ def test_a_rising_curve_is_met_on_the_right_side(place: float, bend: float, tole
     assert best <= max(abs(tolerance), 6 * 0.01)  # a bracket of 0.01 levels, at the steepest
 
 
+def test_a_search_that_is_cut_short_reaches_its_target_all_the_same() -> None:
+    """Oracle: a curve half as steep as was said, of which one look tells nothing."""
+    tried = search(lambda quality: 2.5 * quality, 6.0, 5.0, 0.05, 1.0, 1)
+    assert list(tried) == [1.0, 1.0 + 3 * 3.5 / 5.0 + 0.01]
+    assert max(tried.values()) > 6.0
+
+
 @pytest.mark.parametrize("target", [-100.0, 100.0])
 def test_what_is_out_of_reach_ends_at_the_range(target: float) -> None:
     tried = search(lambda quality: quality, target, 1.0, 0.05)

@@ -14,9 +14,9 @@ from sacha_core.errors import OptionError
 from sacha_core.perception.psnr import psnr
 from sacha_core.raster.scene import render_avatar
 from sacha_core.rate.encoding import RenderingEncoder
-from sacha_core.rate.finetune import TuningOptions
 from sacha_core.rate.fitting import Fitting, starting_rates
 from sacha_core.rate.judging import Judge
+from sacha_core.rate.making_up import MakingUpOptions
 from sacha_core.rate.pictures import own_pictures
 from sacha_core.rate.target import encode_to_size
 from sacha_core.rate.thinning import ThinningOptions
@@ -71,7 +71,7 @@ def held_out_psnr(crowded, head, data):
 @pytest.mark.slow
 def test_file_is_smaller_and_as_good_as_the_plain_one(crowded, head):
     plain = RenderingEncoder(crowded, head).encode(LEVEL)
-    found = Tuner(crowded, head, options=TuningOptions(40), thinning=SHORT).at_level(LEVEL)
+    found = Tuner(crowded, head, options=MakingUpOptions(20), thinning=SHORT).at_level(LEVEL)
     assert len(found.data) < SAVED * len(plain.data)
     assert held_out_psnr(crowded, head, found.data) > held_out_psnr(crowded, head, plain.data) - WORSE_DB
     back = decode(found.data, head=head).gaussians
@@ -81,7 +81,7 @@ def test_file_is_smaller_and_as_good_as_the_plain_one(crowded, head):
 
 def test_size_is_kept_by_a_file_no_worse_than_the_plain_one(sparse, head):
     n_bytes = len(RenderingEncoder(sparse, head).encode(LEVEL).data)
-    found = Tuner(sparse, head, options=TuningOptions(10), thinning=HARDLY).to_size(n_bytes).encoded
+    found = Tuner(sparse, head, options=MakingUpOptions(4), thinning=HARDLY).to_size(n_bytes).encoded
     assert 0.9 * n_bytes < len(found.data) <= n_bytes
     plain = encode_to_size(RenderingEncoder(sparse, head), n_bytes).encoded
     assert held_out_psnr(sparse, head, found.data) > held_out_psnr(sparse, head, plain.data) - WORSE_DB
@@ -90,7 +90,7 @@ def test_size_is_kept_by_a_file_no_worse_than_the_plain_one(sparse, head):
 @pytest.mark.slow
 def test_quality_is_reached_and_not_by_much_more(sparse, head):
     """Oracle: the judge's measure over all views of what comes out of the decoder."""
-    found = Tuner(sparse, head, options=TuningOptions(10), thinning=HARDLY).to_psnr(35.0)
+    found = Tuner(sparse, head, options=MakingUpOptions(4), thinning=HARDLY).to_psnr(35.0)
     reached = Judge(sparse, head).full(decode(found.encoded.data, head=head).gaussians)
     assert found.psnr_db == reached
     assert 35.0 <= reached < 35.0 + GRAIN_DB
@@ -99,7 +99,7 @@ def test_quality_is_reached_and_not_by_much_more(sparse, head):
 @pytest.mark.parametrize("n", [0, 1])
 def test_next_to_nothing_is_compressed_as_it_is(sparse, head, n):
     few = replace(sparse, gaussians=sparse.gaussians.select(np.arange(n)))
-    found = Tuner(few, head, options=TuningOptions(10), thinning=HARDLY).at_level(LEVEL)
+    found = Tuner(few, head, options=MakingUpOptions(4), thinning=HARDLY).at_level(LEVEL)
     assert len(decode(found.data, head=head).gaussians) <= n
     assert len(found.data) <= len(RenderingEncoder(few, head).encode(LEVEL).data)
 
@@ -112,7 +112,7 @@ def test_what_nobody_sees_is_compressed_as_it_is(sparse, head):
 
 
 def test_threads_change_no_byte(sparse, head):
-    tuners = [Tuner(sparse, head, options=TuningOptions(5, threads=n), thinning=HARDLY) for n in (1, 2)]
+    tuners = [Tuner(sparse, head, options=MakingUpOptions(3, threads=n), thinning=HARDLY) for n in (1, 2)]
     files = [tuner.at_level(LEVEL).data for tuner in tuners]
     assert files[0] == files[1]
 
