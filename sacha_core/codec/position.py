@@ -17,7 +17,7 @@ from sacha_core.codec.predicted import decode_predicted, encode_predicted, rough
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import MAX_EXPONENT, PER_OCTAVE, STEPS, Classes, StepRule, dequantise
 
-__all__ = ["TRIANGLE", "WORLD", "choose_domain", "decode_position", "encode_position", "gradient_by_position"]
+__all__ = ["TRIANGLE", "WORLD", "choose_domain", "decode_position", "encode_position"]
 
 TRIANGLE, WORLD = 0, 1  # domains
 UNIT = 2.0**-16  # of a triangle's scale
@@ -53,14 +53,6 @@ def choose_domain(
         if rough_bits(layout, world_values, world_steps) < rough_bits(layout, values, steps):
             return WORLD, world_rule, world_values, world_steps
     return TRIANGLE, rule, values, steps
-
-
-def gradient_by_position(layout: Layout, by_values: Float[np.ndarray, "n 3"], domain: int) -> Float[np.ndarray, "n 3"]:
-    """Carry a gradient by the integers of a domain back to positions in triangle units."""
-    if domain == TRIANGLE:
-        return by_values / UNIT
-    frames = layout.template.frames(layout.binding)
-    return np.asarray(np.einsum("ijn,ni->nj", frames.axes, by_values) * (PER_CELL * frames.scale)[:, None])
 
 
 def in_triangles(layout: Layout, values: Int[np.ndarray, "n 3"], domain: int) -> Float[np.ndarray, "n 3"]:

@@ -1,4 +1,4 @@
-"""Gaussians on their way to look like pictures: what finding fewer of them and fitting them through the quantiser share.
+"""Gaussians on their way to look like pictures: what finding fewer of them and making up for rounding share.
 
 Source: own.
 """
@@ -16,15 +16,22 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
-from sacha_core.rate.quantised import CODED
 from sacha_core.rate.squared_loss import squared_loss
 from sacha_core.train.cpu_engine import CpuEngine
 from sacha_core.train.options import LearningRates, LossOptions, TrainOptions
 from sacha_core.train.state import Arrays, initial_state, rearrange
 from sacha_core.train.views import Target
 
-__all__ = ["Fitting", "falling", "starting_rates"]
+__all__ = ["CODED", "Fitting", "falling", "starting_rates"]
 
+CODED = (
+    "position",
+    "log_scale",
+    "quaternion",
+    "opacity_logit",
+    "sh_dc",
+    "sh_rest",
+)  # of a Gaussian, beside its triangle
 ALIKE = LossOptions(sensitivity=0.0, position=0.0, scale=0.0)  # to look like the pictures, and nothing else
 
 
@@ -60,7 +67,7 @@ class Fitting:
         seed: int = 0,
     ) -> None:
         if avatar.motion is None or not targets:
-            raise OptionError("fine-tuning needs a motion and pictures of it")
+            raise OptionError("fitting needs a motion and pictures of it")
         self._rows = np.argsort(avatar.gaussians.binding, kind="stable")  # training wants them by triangle
         self._state = initial_state(avatar.gaussians.select(self._rows), avatar.motion, 1, 1.0, 0.0)
         options = TrainOptions(losses=ALIKE, fine_tune=False, threads=threads, device="cpu")
@@ -85,16 +92,13 @@ class Fitting:
         rearrange(self._engine.take(), kept)
         self._rows = self._rows[kept]
 
-    def step(
-        self, rates: LearningRates, pace: float, decoded: Arrays | None = None, more: Arrays | None = None
-    ) -> None:
+    def step(self, rates: LearningRates, pace: float, decoded: Arrays | None = None) -> None:
         """Let the next picture move them.
 
         Args:
             rates: learning rates.
             pace: times as much.
             decoded: what is drawn in their place, by name, in the order of `gaussians`.
-            more: gradients that are added to those by pictures, likewise.
         """
         values = self._engine.take().values
         given = {name: values[name] for name in CODED}
@@ -104,7 +108,6 @@ class Fitting:
             self._engine.differentiate(self._done, self._next(), self._degree)
         finally:
             values |= given
-        self._engine.add({name: self._in_training(value) for name, value in (more or {}).items()})
         paced = {name: getattr(rates, name) * pace for name in CODED}
         self._engine.advance(paced | {"sensitivity_logit": 0.0}, frozenset())
 

@@ -13,15 +13,14 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
-from sacha_core.rate.fitting import Fitting, falling, starting_rates
-from sacha_core.rate.quantised import CODED
+from sacha_core.rate.fitting import CODED, Fitting, falling, starting_rates
 from sacha_core.train.options import LearningRates
 from sacha_core.train.state import Arrays
 from sacha_core.train.views import Target
 
 __all__ = ["MakingUp", "MakingUpOptions"]
 
-PACE, HARMONIC_PACE = 0.7, 4.0  # of the rates of fine-tuning; harmonics take four times those
+PACE, HARMONIC_PACE = 0.7, 4.0  # of `fitting.starting_rates`; harmonics take four times those
 ROUND = 12  # steps through the quantiser of harmonics between two looks at what it gives
 
 

@@ -126,11 +126,6 @@ class CpuEngine:
         if MASK_LOGIT in self._state.values:  # which decide what is drawn
             self._settle()
 
-    def add(self, slopes: Mapping[str, np.ndarray]) -> None:
-        """Add to the gradients kept: of what is lost beside the pictures."""
-        for name, slope in slopes.items():
-            self._gradients.by_name[name] += slope
-
     def losses(self) -> dict[str, float]:
         """Give the mean losses of the iterations without fault since the last call."""
         means = {name: total / self._summed for name, total in self._sums.items()}

@@ -89,6 +89,12 @@ def test_nothing_is_decided_in_turn_where_nobody_knows_what_numbers_are_worth(av
     assert not told.turns
 
 
+def test_nothing_to_look_at_is_refused(avatar, head):
+    made = MakingUp(avatar, head, [], MakingUpOptions())
+    with pytest.raises(OptionError, match="needs a motion and pictures"):
+        made.after(avatar.gaussians, frozenset())
+
+
 def test_no_steps_are_refused():
     with pytest.raises(OptionError, match="steps after each attribute"):
         MakingUpOptions(0)
