@@ -44,7 +44,7 @@ class MakingUpOptions:
         OptionError: an option is out of range.
     """
 
-    iterations: int = 150
+    iterations: int = 200
     loss: Literal["squared", "training"] = "squared"
     threads: int | None = None
     seed: int = 0

@@ -157,9 +157,9 @@ def thin(
     return best
 
 
-def fit(fitting: Fitting, iterations: int) -> None:
-    """Take some steps, whose rates fall to nothing."""
-    rates = thinning_rates()
+def fit(fitting: Fitting, iterations: int, rates: LearningRates | None = None) -> None:
+    """Take some steps, whose rates, by default those of thinning, fall to nothing."""
+    rates = rates or thinning_rates()
     for done in range(iterations):
         fitting.step(rates, falling(done, iterations))
 

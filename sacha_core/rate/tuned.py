@@ -21,7 +21,7 @@ from sacha_core.rate.capture_error import capture_error
 from sacha_core.rate.curvature import importance_of
 from sacha_core.rate.encoding import Encoded, RenderingEncoder
 from sacha_core.rate.fitted_encoder import FittedEncoder
-from sacha_core.rate.fitting import Fitting
+from sacha_core.rate.fitting import Fitting, starting_rates
 from sacha_core.rate.goal import Goal, SameQuality, SameSize
 from sacha_core.rate.judging import Judge
 from sacha_core.rate.making_up import MakingUp, MakingUpOptions
@@ -33,6 +33,7 @@ from sacha_core.train.views import Target
 __all__ = ["Tuner", "encode_tuned"]
 
 TRIALS = 3  # encodings in a search, each of which fits anew: their quality is off what its level promises by 0.1 dB either way
+CAPTURE_ITERATIONS = 300  # steps towards the pictures of a capture, before anything is coded
 
 
 class Tuner:
@@ -143,11 +144,14 @@ class Tuner:
             fit(fitting, self._thinning.last_iterations)
             posed = replace(posed, gaussians=fitting.gaussians())
         rows = np.sort(plain.rows)[thinned.rows]
-        importance = importance_of(replace(avatar, gaussians=posed.gaussians), head)
-        importance = importance if self._factors is None else importance.weighted(self._factors[rows])
         steps: Sequence[Sequence[Target]] = own
         if self._steps is not None:
             steps, posed = self._steps, replace(posed, motion=avatar.motion)
+            fitting = Fitting(posed, head, steps, how.loss, how.threads, how.seed)
+            fit(fitting, CAPTURE_ITERATIONS, starting_rates())
+            posed = replace(posed, gaussians=fitting.gaussians())
+        importance = importance_of(replace(avatar, gaussians=posed.gaussians), head)
+        importance = importance if self._factors is None else importance.weighted(self._factors[rows])
         left, remaining = replace(avatar, gaussians=posed.gaussians), MakingUp(posed, head, steps, how)
         return FittedEncoder(left, head, self._embed, importance, remaining, rows, thinned.quality, number)
 
