@@ -33,7 +33,7 @@ from sacha_core.train.views import Target
 __all__ = ["Tuner", "encode_tuned"]
 
 TRIALS = 3  # encodings in a search, each of which fits anew: their quality is off what its level promises by 0.1 dB either way
-CAPTURE_ITERATIONS = 300  # steps towards the pictures of a capture, before anything is coded
+CAPTURE_ITERATIONS = 600  # steps towards the pictures of a capture, before anything is coded
 
 
 class Tuner:
@@ -83,8 +83,8 @@ class Tuner:
             return plain
         aim = self._quick(plain)
         fitted = self._fitted(plain, SameQuality(aim), plain.level.number)
-        best = self._smallest(fitted, aim) if self._steps is None else fitted.encode(level_at(fitted.quality))
-        if best is None or len(best.data) >= len(plain.data) or self._strays(best, plain):
+        best = self._smallest(fitted, aim) if self._steps is None else self._no_larger(fitted, len(plain.data))
+        if best is None or len(best.data) > len(plain.data) or self._strays(best, plain):
             return plain
         return best
 
@@ -163,6 +163,16 @@ class Tuner:
         )
         reaching = [trials.at(quality) for quality, found in tried.items() if found >= decibels]
         return min(reaching, key=lambda one: len(one.data), default=None)
+
+    def _no_larger(self, fitted: FittedEncoder, n_bytes: int) -> Encoded | None:
+        """Give a file at the quality that was fitted for, or a coarser one of so many bytes; None where none is as small."""
+        first = fitted.encode(level_at(fitted.quality))
+        if len(first.data) <= n_bytes:
+            return first
+        try:
+            return encode_to_size(fitted, n_bytes, self._report, fitted.quality, TRIALS).encoded
+        except OptionError:
+            return None
 
     def _quick(self, encoded: Encoded) -> float:
         return self._judge.quick(decode(encoded.data, head=self._head).gaussians)
