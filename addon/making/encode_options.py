@@ -37,7 +37,7 @@ def encode_properties() -> dict[str, object]:
         "profile": EnumProperty(
             name="Profile", description=f"How the numbers are coded{OF_THE_SCENE}", items=PROFILES, **unsaved
         ),
-        "tune": BoolProperty(name="Tune", description=f"Fit it through the quantiser{OF_THE_SCENE}", **unsaved),
+        "tune": BoolProperty(name="Tune", description=f"Leave out what others make up for{OF_THE_SCENE}", **unsaved),
         "embed_head": BoolProperty(
             name="Embed Head", description=f"Put the head into the file{OF_THE_SCENE}", **unsaved
         ),

@@ -52,7 +52,7 @@ class SachaMaking(bpy.types.PropertyGroup):
     profile: EnumProperty(name="Profile", description="How the numbers are coded", items=PROFILES)
     tune: BoolProperty(
         name="Tune",
-        description="Leave out Gaussians that others, fitted anew, make up for; takes minutes: a quarter to half fewer bytes",
+        description="Leave out Gaussians that others, fitted anew, make up for; takes minutes: an eighth to half fewer bytes",
     )
     embed_head: BoolProperty(
         name="Embed Head", description="Put the head into the file too, so that it opens anywhere; the file gets larger"
@@ -83,7 +83,7 @@ class SachaMaking(bpy.types.PropertyGroup):
     device: EnumProperty(name="Device", description="Where to compute", items=DEVICES)
     finetune: BoolProperty(
         name="Write File",
-        description="After training, fit fewer Gaussians through the scene's level's quantiser, and write level-N.sacha",
+        description="After training, fit fewer Gaussians to the capture at the scene's level, and write level-N.sacha",
     )
 
     film_folder: StringProperty(

@@ -56,7 +56,7 @@ class Options:
     """Go by rules alone: quicker, and larger files."""
 
     tune: bool = False
-    """Fit each avatar through the quantiser to its own pictures."""
+    """Leave out what other Gaussians make up for, each avatar fitted to its own pictures."""
 
     embed_head: bool = False
     """Put the head into each file too."""

@@ -201,7 +201,7 @@ def learned_factors(
 def fitted(
     options: Options, avatar: Avatar, head: HeadModel, factors: Float[np.ndarray, " n"] | None, console: Console
 ) -> Made:
-    """Compress fewer Gaussians, which were fitted through the quantiser."""
+    """Compress fewer Gaussians, fitted so that they make up for those left out and for rounding."""
     from sacha_core.rate.target import parse_size
     from sacha_core.rate.tuned import Tuner
 

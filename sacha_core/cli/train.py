@@ -87,7 +87,7 @@ class Options:
     """Change any option by its name: pruning.ratio=0.3 density.means=visible. `sacha train --list-options` tells all."""
 
     finetune_level: Annotated[MaybeLevel, tyro.conf.arg(metavar="1|2|3|4", help_behavior_hint="")] = None
-    """After training, leave out what other Gaussians make up for, fit these to the capture through the quantiser, and write
+    """After training, leave out what other Gaussians make up for, fit these to the capture while they are rounded, and write
     level-N.sacha into the folder: as near to the capture as what `sacha encode MODEL --level N` gives, in fewer bytes."""
 
     timings: bool = False
@@ -164,7 +164,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
 def write_tuned(
     options: Options, trained: TrainedModel, capture: Capture, head: HeadModel, console: Console
 ) -> dict[str, Any]:
-    """Fit the model through the quantiser to what it was trained on, write the file, and tell of both."""
+    """Fit the model to what it was trained on while its file is made, write that, and tell of both."""
     from sacha_core.avatar.avatar import Avatar
     from sacha_core.files import write_aside
     from sacha_core.rate.making_up import MakingUpOptions
@@ -183,9 +183,7 @@ def write_tuned(
     seconds = time.perf_counter() - start
     with write_aside(path) as aside:
         aside.write_bytes(data)
-    console.wrote(
-        "avatar", path, f"level {level}, {kilobytes(len(data))}, fitted through its quantiser in {duration(seconds)}"
-    )
+    console.wrote("avatar", path, f"level {level}, {kilobytes(len(data))}, fitted to it in {duration(seconds)}")
     return {"file": path, "level": level, "bytes": len(data), "seconds": seconds}
 
 

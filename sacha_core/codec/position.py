@@ -17,7 +17,7 @@ from sacha_core.codec.predicted import decode_predicted, encode_predicted, rough
 from sacha_core.codec.reading import ByteReader
 from sacha_core.codec.steps import MAX_EXPONENT, PER_OCTAVE, STEPS, Classes, StepRule, dequantise
 
-__all__ = ["TRIANGLE", "WORLD", "choose_domain", "decode_position", "encode_position"]
+__all__ = ["TRIANGLE", "WORLD", "decode_position", "encode_position"]
 
 TRIANGLE, WORLD = 0, 1  # domains
 UNIT = 2.0**-16  # of a triangle's scale

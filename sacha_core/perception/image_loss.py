@@ -164,11 +164,10 @@ class Planes(NamedTuple):
 def stretch(array: Shaped[np.ndarray, "c h w"], length: int) -> Shaped[np.ndarray, " s"]:
     """Give what lies in memory from an array's first number on, which belongs to the array that it is part of."""
     whole = array.base
-    if (
-        isinstance(whole, np.ndarray) and whole.flags.c_contiguous and whole.dtype == array.dtype
-    ):  # as below, but quicker
-        begin, end = (each.__array_interface__["data"][0] // array.itemsize for each in (whole, array))
-        return whole.reshape(-1)[end - begin : end - begin + length]
+    if isinstance(whole, np.ndarray) and whole.flags.c_contiguous and whole.dtype == array.dtype:
+        # As below, but quicker
+        before, begin = (each.__array_interface__["data"][0] // array.itemsize for each in (whole, array))
+        return whole.reshape(-1)[begin - before : begin - before + length]
     return np.lib.stride_tricks.as_strided(array, (length,), (array.itemsize,), writeable=False)
 
 

@@ -16,23 +16,19 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
+from sacha_core.progress import Progress, Report, silent
 from sacha_core.rate.squared_loss import squared_loss
 from sacha_core.train.cpu_engine import CpuEngine
 from sacha_core.train.options import LearningRates, LossOptions, TrainOptions
 from sacha_core.train.state import Arrays, initial_state, rearrange
 from sacha_core.train.views import Target
 
-__all__ = ["CODED", "Fitting", "falling", "starting_rates"]
+__all__ = ["CODED", "EVERY", "Fitting", "falling", "fit", "starting_rates"]
 
-CODED = (
-    "position",
-    "log_scale",
-    "quaternion",
-    "opacity_logit",
-    "sh_dc",
-    "sh_rest",
-)  # of a Gaussian, beside its triangle
+# What is coded of a Gaussian, beside its triangle
+CODED = ("position", "log_scale", "quaternion", "opacity_logit", "sh_dc", "sh_rest")
 ALIKE = LossOptions(sensitivity=0.0, position=0.0, scale=0.0)  # to look like the pictures, and nothing else
+EVERY = 20  # steps from one word of progress to the next
 
 
 def starting_rates() -> LearningRates:
@@ -68,14 +64,17 @@ class Fitting:
     ) -> None:
         if avatar.motion is None or not targets:
             raise OptionError("fitting needs a motion and pictures of it")
-        self._rows = np.argsort(avatar.gaussians.binding, kind="stable")  # training wants them by triangle
-        self._state = initial_state(avatar.gaussians.select(self._rows), avatar.motion, 1, 1.0, 0.0)
         options = TrainOptions(losses=ALIKE, fine_tune=False, threads=threads, device="cpu")
         self._engine = CpuEngine(head, avatar.motion, options, squared_loss if loss == "squared" else None)
-        self._engine.put(self._state)
-        self._targets, self._rng, self._waiting = targets, np.random.default_rng([seed, 3]), list[int]()
-        self._degree = math.isqrt(1 + self._state.values["sh_rest"].shape[1]) - 1
-        self._done = 0
+        self._motion, self._targets, self._seed = avatar.motion, targets, seed
+        self.restart(avatar.gaussians)
+
+    def restart(self, gaussians: Gaussians) -> None:
+        """Begin anew, with Gaussians as they are now."""
+        self._rows = np.argsort(gaussians.binding, kind="stable")  # training wants them by triangle
+        self._engine.put(initial_state(gaussians.select(self._rows), self._motion, 1, 1.0, 0.0))
+        self._rng, self._waiting = np.random.default_rng([self._seed, 3]), list[int]()
+        self._degree, self._done = gaussians.sh_degree, 0
 
     @property
     def rows(self) -> Int[np.ndarray, " m"]:
@@ -118,6 +117,22 @@ class Fitting:
     def _next(self) -> Sequence[Target]:
         self._waiting = self._waiting or self._rng.permutation(len(self._targets)).tolist()
         return self._targets[self._waiting.pop()]
+
+
+def fit(
+    fitting: Fitting,
+    iterations: int,
+    rates: LearningRates,
+    pace: float = 1.0,
+    report: Report = silent,
+    stage: str = "fit",
+) -> None:
+    """Take some steps, whose rates, `pace` times those given, fall to nothing; tell of them as of a stage."""
+    for done in range(iterations):
+        if done % EVERY == 0:
+            report(Progress(stage, done, iterations))
+        fitting.step(rates, pace * falling(done, iterations))
+    report(Progress(stage, iterations, iterations))
 
 
 def falling(done: int, total: int) -> float:

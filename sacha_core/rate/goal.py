@@ -17,9 +17,8 @@ from sacha_core.rate.target import DB_PER_LEVEL, LOG_BYTES_PER_LEVEL
 
 __all__ = ["Goal", "Measured", "Prospect", "SameQuality", "SameSize"]
 
-FITTED = (
-    0.65  # of the error by rounding is left when numbers made up for one another: 0.70 at 39 dB, 0.5 to 0.7 at 45 dB
-)
+# Of the error by rounding this is left when numbers made up for one another: 0.70 at 39 dB, 0.5 to 0.7 at 45 dB
+FITTED = 0.65
 LEAST_ERROR = 1e-12  # mean squared, of pictures that are the same
 
 

@@ -13,7 +13,8 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
-from sacha_core.rate.fitting import CODED, Fitting, falling, starting_rates
+from sacha_core.progress import Progress, Report, silent
+from sacha_core.rate.fitting import CODED, EVERY, Fitting, falling, fit, starting_rates
 from sacha_core.train.options import LearningRates
 from sacha_core.train.state import Arrays
 from sacha_core.train.views import Target
@@ -21,6 +22,7 @@ from sacha_core.train.views import Target
 __all__ = ["MakingUp", "MakingUpOptions"]
 
 PACE, HARMONIC_PACE = 0.7, 4.0  # of `fitting.starting_rates`; harmonics take four times those
+STAGE = "make up for rounding"
 ROUND = 12  # steps through the quantiser of harmonics between two looks at what it gives
 
 
@@ -44,7 +46,7 @@ class MakingUpOptions:
         OptionError: an option is out of range.
     """
 
-    iterations: int = 200
+    iterations: int = 300
     loss: Literal["squared", "training"] = "squared"
     threads: int | None = None
     seed: int = 0
@@ -62,18 +64,25 @@ class MakingUp:
         head: that it is bound to.
         targets: pictures to look like; those of one step share a timestep.
         options: how long, and towards what.
+        report: told about progress.
     """
 
     def __init__(
-        self, avatar: Avatar, head: HeadModel, targets: Sequence[Sequence[Target]], options: MakingUpOptions
+        self,
+        avatar: Avatar,
+        head: HeadModel,
+        targets: Sequence[Sequence[Target]],
+        options: MakingUpOptions,
+        report: Report = silent,
     ) -> None:
         self._avatar, self._head, self._targets, self._options = avatar, head, targets, options
+        self._report = report
+        self._fitting: Fitting | None = None
 
     def after(self, gaussians: Gaussians, coded: frozenset[str]) -> Gaussians:
         """Let all but `coded` make up for what these lost."""
         fitting, rates = self._begin(gaussians, coded)
-        for done in range(self._options.iterations):
-            fitting.step(rates, PACE * falling(done, self._options.iterations))
+        fit(fitting, self._options.iterations, rates, PACE, self._report, STAGE)
         return fitting.gaussians()
 
     def through(
@@ -83,13 +92,19 @@ class MakingUp:
         fitting, rates = self._begin(gaussians, coded)
         total, decoded = self._options.iterations * 5 // 4, Arrays()
         for done in range(total):
+            if done % EVERY == 0:
+                self._report(Progress(STAGE, done, total))
             if done % ROUND == 0:
                 seen = decode(fitting.gaussians())
                 decoded = {name: getattr(seen, name) for name in CODED if name not in coded}
             fitting.step(rates, falling(done, total), decoded)
+        self._report(Progress(STAGE, total, total))
         return fitting.gaussians()
 
     def _begin(self, gaussians: Gaussians, coded: frozenset[str]) -> tuple[Fitting, LearningRates]:
-        how, now = self._options, replace(self._avatar, gaussians=gaussians)
-        fitting = Fitting(now, self._head, self._targets, how.loss, how.threads, how.seed)
-        return fitting, replace(making_up_rates(), **dict.fromkeys(coded, 0.0))
+        if self._fitting is None:
+            how, now = self._options, replace(self._avatar, gaussians=gaussians)
+            self._fitting = Fitting(now, self._head, self._targets, how.loss, how.threads, how.seed)
+        else:
+            self._fitting.restart(gaussians)
+        return self._fitting, replace(making_up_rates(), **dict.fromkeys(coded, 0.0))

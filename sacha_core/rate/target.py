@@ -27,7 +27,7 @@ NARROW = 0.01  # levels; sizes hardly differ within
 LOG_BYTES_PER_LEVEL, DB_PER_LEVEL = 0.3, 5.5  # about, for the second trial
 SIZE_TOLERANCE = 0.01  # of the size: a file may be this much smaller than it might
 DB_TOLERANCE = 0.05  # and this much better
-SURELY = 3.0  # times as many levels finer as a target that was just missed is away: the last trial
+SURELY = 3.0  # times as many levels as a target that was just missed is away: how far the last trial goes
 CHECKS = 3  # over all views, each of which takes as long as several encodings
 UNITS = {"": 1, "b": 1, "kb": 1000, "mb": 1000**2, "kib": 1024, "mib": 1024**2}
 
@@ -72,12 +72,12 @@ class Encoder(Protocol):
 def encode_to_size(
     encoder: Encoder, n_bytes: int, report: Report = silent, start: float = START, n_trials: int = MOST_TRIALS
 ) -> Reached:
-    """Find the best file of at most so many bytes, motion and all included, from a quality `start` on, by at most `n_trials` encodings.
+    """Find the best file of at most so many bytes, motion and all included: from a quality `start` on, see `search`.
 
     Raises:
         OptionError: even the smallest file is larger; the message says how large.
     """
-    trials = Trials(encoder, report)
+    trials = Trials(encoder, report, n_trials)
 
     def size(quality: float) -> float:
         return math.log(len(trials.at(quality).data))
@@ -102,15 +102,15 @@ def encode_to_psnr(
 ) -> Reached:
     """Find the smallest file that reaches a PSNR against the uncompressed avatar, over all views of the protocol.
 
-    Searches by an eighth of the views, from a quality `start` on and by at most `n_trials` encodings, then holds what it found
-    to all of them and corrects itself, as often at most.
+    Searches by an eighth of the views, from a quality `start` on (see `search`), then holds what it found to all of them and corrects
+    itself, twice at most.
 
     Raises:
         OptionError: even the best file does not reach it; the message says how far it comes.
     """
     if not 0 < decibels < math.inf:
         raise OptionError(f"a target of {decibels:g} dB, expected a finite number above 0")
-    trials, offset, checked = Trials(encoder, report), 0.0, dict[float, float]()
+    trials, offset, checked = Trials(encoder, report, n_trials), 0.0, dict[float, float]()
     head = encoder.head
 
     def quick(quality: float) -> float:
@@ -147,10 +147,11 @@ class Trials:
     Args:
         encoder: makes them.
         report: told about each.
+        expected: how many they will be, about.
     """
 
-    def __init__(self, encoder: Encoder, report: Report) -> None:
-        self._encoder, self._report = encoder, report
+    def __init__(self, encoder: Encoder, report: Report, expected: int) -> None:
+        self._encoder, self._report, self._expected = encoder, report, expected
         self._made: dict[float, Encoded] = {}
 
     def __len__(self) -> int:
@@ -161,7 +162,7 @@ class Trials:
         """Give the file at a quality."""
         if quality not in self._made:
             self._made[quality] = self._encoder.encode(level_at(quality))
-            self._report(Progress("search", len(self._made), MOST_TRIALS))
+            self._report(Progress("search", len(self._made), max(len(self._made), self._expected)))
         return self._made[quality]
 
 
@@ -181,10 +182,10 @@ def search(
         slope: about how much it rises in a level.
         tolerance: positive if the target shall be reached and may be exceeded by so much, negative if it shall not be exceeded.
         start: where to begin.
-        n_trials: measurements, at most.
+        n_trials: measurements, at most, and one more where none is on the right side, far enough off to be there in all likelihood.
 
     Returns:
-        What was measured, by quality. The ends of the range are in it where the target lies beyond.
+        What was measured, by quality.
     """
     tried: dict[float, float] = {}
     usual = slope
@@ -206,10 +207,12 @@ def search(
                 (first, before), (second, after) = list(tried.items())[-2:]
                 slope = max((after - before) / (second - first), slope / 4)
             quality = min(max(quality + (aim - tried[quality]) / slope, low), high)
-    if (
-        max(tried.values()) < target and tolerance > 0
-    ):  # trials are spent: one more that is sure to reach it, if any does
-        quality = round(min(max(tried) + SURELY * (target - max(tried.values())) / usual + NARROW, MAX_QUALITY), 4)
+    side = math.copysign(1, tolerance)
+    nearest = max(tried, key=lambda one: side * tried[one])
+    missing = target - tried[nearest]
+    if side * missing > 0:
+        quality = nearest + SURELY * missing / usual + side * NARROW
+        quality = round(min(max(quality, MIN_QUALITY), MAX_QUALITY), 4)
         if quality not in tried:
             tried[quality] = measure(quality)
     return tried

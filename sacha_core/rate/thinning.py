@@ -23,23 +23,23 @@ from sacha_core.flame.model import HeadModel
 from sacha_core.progress import Progress, Report, silent
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.rate.curvature import importance_of
-from sacha_core.rate.fitting import Fitting, falling, starting_rates
+from sacha_core.rate.fitting import Fitting, fit, starting_rates
 from sacha_core.rate.goal import Goal, Measured, Prospect
 from sacha_core.rate.judging import Judge
 from sacha_core.rate.visibility import STOCK_SHARE, grounds_for, removal_errors
 from sacha_core.train.options import LearningRates
 
-__all__ = ["Thinned", "ThinningOptions", "thin"]
+__all__ = ["Thinned", "ThinningOptions", "thin", "thinning_rates"]
 
 LOOKS = 3  # encodings by which the level for a goal is approached, at most
-FACTORS = {"position": 0.6, "log_scale": 4.5, "quaternion": 3.0, "opacity_logit": 3.0, "sh_dc": 3.0, "sh_rest": 12.0}
+PACES = {"position": 0.6, "log_scale": 4.5, "quaternion": 3.0, "opacity_logit": 3.0, "sh_dc": 3.0, "sh_rest": 12.0}
 NEAR = 0.3  # levels, within which what a level takes and gives is known from another
 
 
 def thinning_rates() -> LearningRates:
     """Give the learning rates at the start of a round: places move slower than usual, all else faster."""
     usual = starting_rates()
-    return replace(usual, **{name: factor * getattr(usual, name) for name, factor in FACTORS.items()})
+    return replace(usual, **{name: factor * getattr(usual, name) for name, factor in PACES.items()})
 
 
 @dataclass(frozen=True)
@@ -149,19 +149,12 @@ def thin(
             break
         order = np.argsort(worth.of(fitting.gaussians(), fitting.rows), kind="stable")
         fitting.keep(order[going:])
-        fit(fitting, options.iterations)
+        fit(fitting, options.iterations, thinning_rates())
         promised, since = outlook.of(fitting.gaussians()), since + 1
         if promised.cost < cost:
             best, cost, since = Thinned(fitting.gaussians(), fitting.rows, promised.quality), promised.cost, 0
     report(Progress("thin", options.rounds, options.rounds, {"Gaussians": len(best.rows)}))
     return best
-
-
-def fit(fitting: Fitting, iterations: int, rates: LearningRates | None = None) -> None:
-    """Take some steps, whose rates, by default those of thinning, fall to nothing."""
-    rates = rates or thinning_rates()
-    for done in range(iterations):
-        fitting.step(rates, falling(done, iterations))
 
 
 class Worth:

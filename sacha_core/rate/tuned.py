@@ -5,6 +5,7 @@ Source: own.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -21,18 +22,29 @@ from sacha_core.rate.capture_error import capture_error
 from sacha_core.rate.curvature import importance_of
 from sacha_core.rate.encoding import Encoded, RenderingEncoder
 from sacha_core.rate.fitted_encoder import FittedEncoder
-from sacha_core.rate.fitting import Fitting, starting_rates
+from sacha_core.rate.fitting import Fitting, fit, starting_rates
 from sacha_core.rate.goal import Goal, SameQuality, SameSize
 from sacha_core.rate.judging import Judge
 from sacha_core.rate.making_up import MakingUp, MakingUpOptions
 from sacha_core.rate.pictures import own_pictures
-from sacha_core.rate.target import DB_PER_LEVEL, DB_TOLERANCE, Reached, Trials, encode_to_psnr, encode_to_size, search
-from sacha_core.rate.thinning import Outlook, ThinningOptions, fit, thin
+from sacha_core.rate.target import (
+    DB_PER_LEVEL,
+    DB_TOLERANCE,
+    LOG_BYTES_PER_LEVEL,
+    Reached,
+    Trials,
+    encode_to_psnr,
+    encode_to_size,
+    search,
+)
+from sacha_core.rate.thinning import Outlook, ThinningOptions, thin, thinning_rates
 from sacha_core.train.views import Target
 
 __all__ = ["Tuner", "encode_tuned"]
 
-TRIALS = 3  # encodings in a search, each of which fits anew: their quality is off what its level promises by 0.1 dB either way
+TRIALS = (
+    3  # of a search, and one more; each fits anew, and its quality is off what its level promises by 0.1 dB either way
+)
 CAPTURE_ITERATIONS = 600  # steps towards the pictures of a capture, before anything is coded
 
 
@@ -99,8 +111,8 @@ class Tuner:
             return plain
         found = inspect(plain.encoded.data)
         room = max(n_bytes - (found.total_bytes - found.gaussian_bytes), 1)
+        fitting = self._fitted(plain.encoded, SameSize(room))
         try:
-            fitting = self._fitted(plain.encoded, SameSize(room))
             fitted = encode_to_size(fitting, n_bytes, self._report, fitting.quality, TRIALS)
         except OptionError:  # so small that fitting, which bits hardly bind, makes it too large
             return plain
@@ -141,23 +153,23 @@ class Tuner:
         posed = replace(posed, gaussians=thinned.gaussians)
         if len(thinned.rows) < len(plain.rows):
             fitting = Fitting(posed, head, own, threads=how.threads, seed=how.seed)
-            fit(fitting, self._thinning.last_iterations)
+            fit(fitting, self._thinning.last_iterations, thinning_rates(), report=self._report)
             posed = replace(posed, gaussians=fitting.gaussians())
         rows = np.sort(plain.rows)[thinned.rows]
         steps: Sequence[Sequence[Target]] = own
         if self._steps is not None:
             steps, posed = self._steps, replace(posed, motion=avatar.motion)
             fitting = Fitting(posed, head, steps, how.loss, how.threads, how.seed)
-            fit(fitting, CAPTURE_ITERATIONS, starting_rates())
+            fit(fitting, CAPTURE_ITERATIONS, starting_rates(), report=self._report, stage="fit to the capture")
             posed = replace(posed, gaussians=fitting.gaussians())
         importance = importance_of(replace(avatar, gaussians=posed.gaussians), head)
         importance = importance if self._factors is None else importance.weighted(self._factors[rows])
-        left, remaining = replace(avatar, gaussians=posed.gaussians), MakingUp(posed, head, steps, how)
+        left, remaining = replace(avatar, gaussians=posed.gaussians), MakingUp(posed, head, steps, how, self._report)
         return FittedEncoder(left, head, self._embed, importance, remaining, rows, thinned.quality, number)
 
     def _smallest(self, fitted: FittedEncoder, decibels: float) -> Encoded | None:
         """Give the smallest file that reaches a PSNR over the views that are quickly looked at; None where none does."""
-        trials = Trials(fitted, self._report)
+        trials = Trials(fitted, self._report, TRIALS)
         tried = search(
             lambda q: self._quick(trials.at(q)), decibels, DB_PER_LEVEL, DB_TOLERANCE, fitted.quality, TRIALS
         )
@@ -169,8 +181,9 @@ class Tuner:
         first = fitted.encode(level_at(fitted.quality))
         if len(first.data) <= n_bytes:
             return first
+        coarser = fitted.quality - math.log(len(first.data) / n_bytes) / LOG_BYTES_PER_LEVEL
         try:
-            return encode_to_size(fitted, n_bytes, self._report, fitted.quality, TRIALS).encoded
+            return encode_to_size(fitted, n_bytes, self._report, coarser, TRIALS).encoded
         except OptionError:
             return None
 

@@ -24,7 +24,6 @@ from sacha_core.train.state import FITTED_MOTION
 
 __all__ = [
     "ELEVATIONS_DEG",
-    "MEASURED_PIXELS",
     "PROTOCOL_VIEWS",
     "Shot",
     "different_frames",
@@ -40,7 +39,6 @@ AZIMUTHS_DEG = tuple(float(azimuth) for azimuth in np.linspace(-75, 75, 8))
 ELEVATIONS_DEG = (-8.0, 14.0)
 PROTOCOL_VIEWS = tuple((azimuth, elevation) for elevation in ELEVATIONS_DEG for azimuth in AZIMUTHS_DEG)
 DISTANCE_M, FOCAL_PIXELS, WIDTH, HEIGHT = 1.0, 1500.0, 550, 802  # the head fills two thirds of the picture's height
-MEASURED_PIXELS = (WIDTH // 2) * (HEIGHT // 2)  # of the views by which numbers are weighed
 REACH_DEG, BEHIND = 80.0, 6  # of the cameras that weigh numbers: to either side, and every which one looks from behind
 SHOWS = 0.1  # opacity of what counts for where the middle is
 # stock poses by joints: jaw, and gaze down and to the subject's left, radians; then what is acted, and in how many moments

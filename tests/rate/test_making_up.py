@@ -52,7 +52,7 @@ def test_what_was_told_of_is_what_the_decoder_gives(avatar, head, harmonics):
     told, importance = Recording(0.05), importance_of(given, head)
     data, _ = encode_traced(given, LEVEL, head=head, importance=importance, remaining=told)
     back = decode(data, head=head).gaussians
-    assert told.turns == TURNS if harmonics else TURNS[:-1]
+    assert told.turns == (TURNS if harmonics else TURNS[:-1])
     assert len(told.calls) == int(harmonics)
     np.testing.assert_array_equal(back.binding, told.binding)
     for name, value in told.seen.items():

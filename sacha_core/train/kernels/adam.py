@@ -24,9 +24,8 @@ from sacha_core.parallel.kernels.turns import take_turn
 from sacha_core.raster.kernels.harmonics import NUMBERS, rest_gradients
 
 F = np.float32
-AHEAD = (
-    16 * LANES
-)  # numbers: the processor does not foresee what lies beyond a page of 4096 bytes, or where a range begins
+# Numbers by which memory is asked for ahead: the processor does not foresee what lies beyond a page of 4096 bytes, or where a range begins
+AHEAD = 16 * LANES
 TINIEST = np.float32(1e-37)  # just above where float32 becomes denormal and arithmetic slow
 
 
