@@ -188,7 +188,7 @@ def scale(axis: Axis, line: Callable[..., object], zero: float | None) -> None:
             return "0"
         exponent = float(np.floor(np.log10(value) + 1e-9))
         if -2 <= exponent <= 6:
-            return f"{value:,.{max(-int(exponent), 0)}f}"
+            return f"{value:,.7g}"
         digit = round(value / 10**exponent)
         return f"${'' if digit == 1 else digit}{'' if digit == 1 else chr(92) + 'cdot '}10^{{{exponent:.0f}}}$"
 

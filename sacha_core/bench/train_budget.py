@@ -18,11 +18,13 @@ from sacha_core.synthesis.film import film, plan_takes
 from sacha_core.synthesis.options import SynthOptions
 from sacha_core.train.loop import train
 from sacha_core.train.options import TrainOptions
+from sacha_core.train.output import TrainedModel
 from sacha_core.train.presets import scaled
 
 __all__ = ["BUDGET", "budget_rows", "filmed"]
 
 VARIANT = "sacha"
+WARM_UP = 40  # iterations that nobody times: kernels are compiled in them
 BUDGET = Table(
     "budget",
     f"Training `{VARIANT}` for so many iterations; PSNR and SSIM by a camera, and in expressions, that training never saw.",
@@ -43,6 +45,7 @@ def budget_rows(preset: Preset, report: Report) -> list[Row]:
         capture, head = preset.film or (filmed(folder / "capture", made_head(), film_options(preset)), made_head())
         rows: list[Row] = []
         budgets = preset.of((20,), (150, 300, 600, 1200), (300, 600, 1200, 2400, 4800))
+        trained(capture, head, min(budgets[0], WARM_UP), folder / "warm-up", preset)
         for done, iterations in enumerate(budgets):
             report(Progress("bench train: budgets", done, len(budgets)))
             rows.append(budget_row(capture, head, iterations, folder / str(iterations), preset))
@@ -50,10 +53,9 @@ def budget_rows(preset: Preset, report: Report) -> list[Row]:
 
 
 def budget_row(capture: Capture, head: HeadModel, iterations: int, folder: Path, preset: Preset) -> Row:
-    """Train once."""
-    options = scaled(iterations, VARIANT, TrainOptions(seed=preset.seed, threads=preset.threads, device="cpu"))
+    """Train once, and judge."""
     begun = time.perf_counter()
-    model = train(capture, head, options, folder)
+    model = trained(capture, head, iterations, folder, preset)
     seconds = time.perf_counter() - begun
     found = evaluate_avatar(model.gaussians, head, capture, model.motion, limit=preset.of(2, 24, 100))
     return {
@@ -61,6 +63,12 @@ def budget_row(capture: Capture, head: HeadModel, iterations: int, folder: Path,
         "view_psnr": found.novel_view.psnr, "view_ssim": found.novel_view.ssim,
         "expression_psnr": found.novel_expression.psnr, "expression_ssim": found.novel_expression.ssim,
     }  # fmt: skip
+
+
+def trained(capture: Capture, head: HeadModel, iterations: int, folder: Path, preset: Preset) -> TrainedModel:
+    """Train once."""
+    options = scaled(iterations, VARIANT, TrainOptions(seed=preset.seed, threads=preset.threads, device="cpu"))
+    return train(capture, head, options, folder)
 
 
 def film_options(preset: Preset) -> SynthOptions:
