@@ -24,7 +24,7 @@ def test_finetuned_file_lies_beside_the_model_and_looks_better_by_the_cameras_of
     told = outcome.report["tuned"]
     assert Path(told["file"]) == folder / "level-1.sacha"
     assert told["bytes"] == (folder / "level-1.sacha").stat().st_size
-    assert "fitted through its quantiser" in outcome.out
+    assert ", fitted to it in " in outcome.out
     plain = tmp_path / "plain.sacha"
     done("encode", model, "-o", plain, "--level", 1)
     assert told["bytes"] < MORE_BYTES * plain.stat().st_size
