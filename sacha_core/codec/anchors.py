@@ -53,10 +53,11 @@ def match_vertices(binding: Int[np.ndarray, " n"], template: Template) -> Int[np
     """
     if not template.known or len(binding) < LEAST_SHARE * len(template.vertices):
         return None
-    found = ordered_subset(binding, vertex_triangles(template))
+    triangles, order = vertex_triangles(template), template.vertices.order
+    found = ordered_subset(binding, triangles)
     if found is not None:
-        return np.asarray(np.argsort(template.vertices.order)[found])
-    return ordered_subset(binding, triangle_of(template))
+        return np.asarray(np.argsort(order)[found])
+    return ordered_subset(binding, triangles[order])
 
 
 def ordered_subset(binding: Int[np.ndarray, " n"], expected: Int[np.ndarray, " m"]) -> Int[np.ndarray, " n"] | None:

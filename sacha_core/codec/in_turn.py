@@ -82,10 +82,8 @@ def encode_in_turn(
     log_scale, quaternion = sort_axes(now.log_scale, now.quaternion)
     scale, scale_values = encode_scale(layout, log_scale, known, plan.scale, worth["scale"])
     classes = classes_of(known, scale_values)
-    now, coded = (
-        with_columns(now, log_scale=scales_in_triangles(layout, scale_values), quaternion=quaternion),
-        coded | {"log_scale"},
-    )
+    now = with_columns(now, log_scale=scales_in_triangles(layout, scale_values), quaternion=quaternion)
+    coded |= {"log_scale"}
     now = remaining.after(now, coded)
 
     turns = now.quaternion / np.linalg.norm(now.quaternion, axis=1, keepdims=True)

@@ -1,7 +1,7 @@
 """Numbered jobs that threads take one after the other inside a kernel, so that each thread makes one call for all it does.
 
-Work of several parts, each of which needs all of the one before, wants a `Turns` row for each. A thread waits for jobs that others have
-taken, and never for a thread that has not come yet: one that the system keeps elsewhere holds nobody up.
+Work of several parts, each of which needs all of the one before, wants a row of `new_turns` for each. A thread waits for jobs that others
+have taken, and never for a thread that has not come yet: one that the system keeps elsewhere holds nobody up.
 
 Source: own.
 """
