@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int, Shaped, UInt8
+from jaxtyping import Float, Int, UInt8
 
 from sacha_core.errors import OptionError
 from sacha_core.parallel.buffers import Buffers
@@ -22,7 +21,9 @@ from sacha_core.perception.kernels.structural import STRIP, STRIP_SPACE
 __all__ = ["ImageLoss", "ImageLosses"]
 
 F = np.float32
-NO_MARKS = np.zeros((1, 0, 0), np.uint8)
+BANDS = 8  # of the sensitivity, which come last: small, so that threads finish together
+NO_MARKS = np.zeros((0, 0), np.uint8)
+Box = tuple[int, int, int, int]  # left, top, right, bottom; pixels, exclusive
 
 
 @dataclass(frozen=True)
@@ -73,55 +74,47 @@ class ImageLoss:
     def __call__(
         self,
         image: Float[np.ndarray, "c h w"],
-        target: UInt8[np.ndarray, "c3 h w"] | Float[np.ndarray, "c3 h w"],
-        sensitivity: UInt8[np.ndarray, "h w"] | None = None,
-        pixels: int | None = None,
+        target: UInt8[np.ndarray, "c3 h0 w0"] | Float[np.ndarray, "c3 h0 w0"],
+        sensitivity: UInt8[np.ndarray, "h0 w0"] | None = None,
+        box: Box | None = None,
     ) -> ImageLosses:
         """Compare an image with its target.
 
         Args:
             image: (c, h, w) float32; the channel after the target's, if any, is the sensitivity's.
-            target: (c3, h, w) uint8, or float32 in [0, 1].
-            sensitivity: (h, w) reference sensitivity, 255 stands for 1; None leaves that channel without gradient.
-            pixels: number of pixels that means are taken over, where `image` is the part of a larger one outside of which image and
-                target agree and no sensitivity is wanted or given; default: those of `image`.
+            target: (c3, h0, w0) uint8, or float32 in [0, 1].
+            sensitivity: (h0, w0) reference sensitivity, 255 stands for 1; None leaves that channel without gradient.
+            box: left, top, right, bottom of the part of the target that `image` shows, where it does not show all: outside of it image
+                and target agree, and no sensitivity is wanted or given. Means are over all pixels of the target.
 
         Raises:
             OptionError: the shapes do not go together.
         """
-        colours, height, width = target.shape
-        least = colours + (sensitivity is not None)
-        if image.shape[1:] != (height, width) or len(image) < least:
-            raise OptionError(
-                f"the image has shape {image.shape}, expected ({least} or more, {height}, {width}) as the target's"
-            )
-        if sensitivity is not None and sensitivity.shape != (height, width):
-            raise OptionError(
-                f"the sensitivity has shape {sensitivity.shape}, expected ({height}, {width}) as the target's"
-            )
-        count = height * width if pixels is None else pixels
-        image = np.ascontiguousarray(image)
-        given, wanted = Planes.of(image), Planes.of(target)
+        colours, whole_height, whole_width = target.shape
+        left, top, right, bottom = box or (0, 0, whole_width, whole_height)
+        height, width, count = bottom - top, right - left, whole_height * whole_width
+        self._check(image, target, sensitivity, (left, top, right, bottom))
+        image, target = np.ascontiguousarray(image), np.ascontiguousarray(target)
         gradient = self._buffers.space("gradient", image.size, np.float32).reshape(image.shape)
         edges = strip_edges(width)
-        strips, threads, marked = len(edges) - 1, self._pool.threads, sensitivity is not None
+        strips, threads, bands = len(edges) - 1, self._pool.threads, 0 if sensitivity is None else BANDS
         sums = np.zeros((2, colours * strips, height), np.float32)
         unit = F(1 / 255 if target.dtype == np.uint8 else 1)
         weights = F(-self.ssim_weight / (colours * count)), F(self.l1_weight / (colours * count))
-        marks = Planes.of(NO_MARKS if sensitivity is None else sensitivity[None])
-        nats, empty = np.zeros(height, np.float32), np.zeros(strips, np.int64)
+        marks = NO_MARKS if sensitivity is None else np.ascontiguousarray(sensitivity)
+        nats, empty = np.zeros(height, np.float32), np.zeros(bands, np.int64)
         counter, rows = np.zeros(1, np.int64), strip_spans(height)
         space = self._buffers.space("space", threads * STRIP_SPACE, np.float32).reshape(threads, STRIP_SPACE)
         spans = self._buffers.space("spans", threads * 4 * rows, np.int64).reshape(threads, 4, rows)
 
         def work(worker: int, _: int) -> None:
             compare_parts(
-                counter, colours, edges, given.flat, wanted.flat, wanted.plane, wanted.row, unit, height, width, *weights,
-                marked, marks.flat, marks.row, F(self.entropy_weight / count), gradient.reshape(-1), space[worker], spans[worker],
-                *sums, nats, empty,
+                counter, colours, edges, image.reshape(-1), target.reshape(-1), top * whole_width + left, count, whole_width,
+                unit, height, width, *weights, marks.reshape(-1), F(self.entropy_weight / count),
+                gradient.reshape(-1), space[worker], spans[worker], *sums, nats, empty,
             )  # fmt: skip
 
-        self._pool.run(work, min(threads, (colours + marked) * strips))
+        self._pool.run(work, min(threads, colours * strips + bands))
         if sensitivity is None:
             gradient[colours:] = 0
         ssim = 1 - 2 * float(sums[0].sum(dtype=np.float64)) / (colours * count)
@@ -133,42 +126,21 @@ class ImageLoss:
         total = self.l1_weight * l1 + self.ssim_weight * (1 - ssim) + self.entropy_weight * entropy
         return ImageLosses(l1, ssim, entropy, total, gradient)
 
-
-class Planes(NamedTuple):
-    """A (c, h, w) array whose rows are whole, as kernels read it.
-
-    Args:
-        flat: from its first number to its last, what lies between its rows included.
-        plane: from one channel to the next.
-        row: from one row to the next.
-    """
-
-    flat: Shaped[np.ndarray, " s"]
-    plane: int
-    row: int
-
-    @classmethod
-    def of(cls, array: Shaped[np.ndarray, "c h w"]) -> Planes:
-        """Look at an array in place, or at a copy if its rows are not whole."""
-        channels, height, width = array.shape
-        if array.flags.c_contiguous:
-            return cls(array.reshape(-1), height * width, width)
-        size = array.itemsize
-        if array.strides[2] != size or any(stride < 0 or stride % size for stride in array.strides):
-            return cls.of(np.ascontiguousarray(array))
-        plane, row = array.strides[0] // size, array.strides[1] // size
-        length = (channels - 1) * plane + (height - 1) * row + width if array.size else 0
-        return cls(stretch(array, length), plane, row)
-
-
-def stretch(array: Shaped[np.ndarray, "c h w"], length: int) -> Shaped[np.ndarray, " s"]:
-    """Give what lies in memory from an array's first number on, which belongs to the array that it is part of."""
-    whole = array.base
-    if isinstance(whole, np.ndarray) and whole.flags.c_contiguous and whole.dtype == array.dtype:
-        # As below, but quicker
-        before, begin = (each.__array_interface__["data"][0] // array.itemsize for each in (whole, array))
-        return whole.reshape(-1)[begin - before : begin - before + length]
-    return np.lib.stride_tricks.as_strided(array, (length,), (array.itemsize,), writeable=False)
+    @staticmethod
+    def _check(image: np.ndarray, target: np.ndarray, sensitivity: np.ndarray | None, box: Box) -> None:
+        """Refuse shapes that do not go together."""
+        colours, height, width = target.shape
+        left, top, right, bottom = box
+        if not (0 <= left < right <= width and 0 <= top < bottom <= height):
+            raise OptionError(f"the box is {box}, expected one inside the target of {width} x {height} pixels")
+        least = colours + (sensitivity is not None)
+        if image.shape[1:] != (bottom - top, right - left) or len(image) < least:
+            expected = f"({least} or more, {bottom - top}, {right - left})"
+            raise OptionError(f"the image has shape {image.shape}, expected {expected} as the target's part")
+        if sensitivity is not None and sensitivity.shape != (height, width):
+            raise OptionError(
+                f"the sensitivity has shape {sensitivity.shape}, expected ({height}, {width}) as the target's"
+            )
 
 
 @cache

@@ -15,21 +15,23 @@ __all__ = ["squared_loss"]
 
 def squared_loss(
     image: Float[np.ndarray, "c h w"],
-    target: Shaped[np.ndarray, "c3 h w"],
-    sensitivity: Shaped[np.ndarray, "h w"] | None = None,  # noqa: ARG001 (this loss has no use for it)
-    pixels: int | None = None,
+    target: Shaped[np.ndarray, "c3 h0 w0"],
+    sensitivity: Shaped[np.ndarray, "h0 w0"] | None = None,  # noqa: ARG001 (this loss has no use for it)
+    box: tuple[int, int, int, int] | None = None,
 ) -> ImageLosses:
     """Compare a picture with its target; called as `sacha_core.perception.image_loss.ImageLoss` is.
 
     Args:
         image: (c, h, w) as blended; channels after the target's have no gradient.
-        target: (c3, h, w) uint8, or float32 in [0, 1].
+        target: (c3, h0, w0) uint8, or float32 in [0, 1].
         sensitivity: not used.
-        pixels: number of pixels that the mean is taken over; those of `image` by default.
+        box: left, top, right, bottom of the part of the target that `image` shows; None for all. The mean is over all of it.
     """
     colours, height, width = target.shape
-    wanted = target.astype(np.float32) / 255 if target.dtype == np.uint8 else target
-    count = colours * (height * width if pixels is None else pixels)
+    left, top, right, bottom = box or (0, 0, width, height)
+    part = target[:, top:bottom, left:right]
+    wanted = part.astype(np.float32) / 255 if target.dtype == np.uint8 else part
+    count = target.size
     difference = np.clip(image[:colours], 0, 1) - wanted
     gradient = np.zeros_like(image)
     gradient[:colours] = difference * np.float32(2 / count)

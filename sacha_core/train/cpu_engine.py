@@ -26,11 +26,11 @@ from sacha_core.train.optimiser import Adam, GaussianStep, MotionSlopes, Slopes
 from sacha_core.train.options import TrainOptions
 from sacha_core.train.rig import Rig
 from sacha_core.train.state import FITTED_MOTION, MASK_LOGIT, Arrays, TrainState, lay_together
-from sacha_core.train.views import Target
+from sacha_core.train.views import Box, Target
 
 __all__ = ["CpuEngine"]
 
-Compare = Callable[[np.ndarray, np.ndarray, np.ndarray, int], ImageLosses]
+Compare = Callable[[np.ndarray, np.ndarray, np.ndarray, Box], ImageLosses]
 
 
 class CpuEngine:
@@ -43,8 +43,8 @@ class CpuEngine:
         head: the head model.
         motion: whose static parameters make the person.
         options: of the run.
-        compare: called with a drawn image, its target, the reference sensitivity and the number of pixels that means are over, in place of
-            the losses of the options.
+        compare: called as `ImageLoss` is, with a drawn image, its target, the reference sensitivity and the part of these that was
+            drawn, in place of the losses of the options.
 
     Attributes:
         stopwatch: told how long each stage takes; None for nobody.
@@ -200,10 +200,8 @@ class CpuEngine:
 
     def _judge(self, target: Target, drawing: Drawing, views: int) -> ImageLosses:
         """Compare a drawing with its target; the gradient is of its share of the mean over so many views."""
-        left, top, right, bottom = drawing.box
-        wanted, sensitive = target.image[:, top:bottom, left:right], target.sensitivity[top:bottom, left:right]
         with self._time("loss"):
-            found = self._compare(drawing.frame.image, wanted, sensitive, target.sensitivity.size)
+            found = self._compare(drawing.frame.image, target.image, target.sensitivity, drawing.box)
             if views > 1:
                 np.multiply(found.gradient, np.float32(1 / views), out=found.gradient)
         return found

@@ -114,9 +114,7 @@ def test_a_crop_with_a_margin_costs_what_the_whole_costs() -> None:
         array[..., inside[0], inside[1]] = content[..., inside[0], inside[1]]
     all_of_it = ImageLoss()(whole, white, nothing)
     crop = (slice(10, 50), slice(15, 60))
-    part = ImageLoss()(
-        np.ascontiguousarray(whole[:, crop[0], crop[1]]), white[:, crop[0], crop[1]], nothing[crop], 60 * 70
-    )
+    part = ImageLoss()(whole[:, crop[0], crop[1]], white, nothing, (15, 10, 60, 50))
     assert part.total == pytest.approx(all_of_it.total, rel=ORDER)
     assert np.array_equal(part.gradient, all_of_it.gradient[:, crop[0], crop[1]])
     rest = all_of_it.gradient.copy()
@@ -162,3 +160,6 @@ def test_shapes_that_do_not_go_together_are_refused() -> None:
     ):
         with pytest.raises(OptionError, match="as the target's"):
             ImageLoss()(*wrong)
+    for box in ((0, 0, 1, 1), (-1, 0, image.shape[2] - 1, image.shape[1]), (0, 1, image.shape[2], image.shape[1] + 1)):
+        with pytest.raises(OptionError, match="target"):
+            ImageLoss()(image, target, sensitivity, box)

@@ -52,7 +52,7 @@ def test_crop(rasteriser: Rasteriser) -> None:
     target[:, *shown] = rng.integers(0, 256, target[:, *shown].shape)
     sensitivity[shown] = rng.integers(0, 256, sensitivity[shown].shape)
     everything = ImageLoss()(whole, target, sensitivity)
-    cropped = ImageLoss()(part.image, target[inside], sensitivity[inside], whole[0].size)
+    cropped = ImageLoss()(part.image, target, sensitivity, (left, top, right, bottom))
     assert np.array_equal(cropped.gradient, everything.gradient[inside])
     assert not everything.gradient[outside].any()
     for name in ("total", "l1", "ssim", "entropy"):

@@ -70,7 +70,7 @@ class View:
             left, top, width, height = touched or (0, 0, width, height)
         part = np.s_[:, top : top + height, left : left + width]
         frame = self.rasteriser.forward(self.splats, self.camera.crop(left, top, width, height), WHITE)
-        found = self.loss(frame.image, self.target[part], self.sensitivity[part[1:]], self.sensitivity.size)
+        found = self.loss(frame.image, self.target, self.sensitivity, (left, top, left + width, top + height))
         self.rasteriser.backward(frame, found.gradient)
         return part, found.gradient
 
