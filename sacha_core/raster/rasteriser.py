@@ -115,19 +115,23 @@ class Rasteriser:
         """The threads, for others' use between calls."""
         return self._pool
 
-    def forward(self, splats: Splats, camera: Camera, background: Float[np.ndarray, " c"]) -> Frame:
+    def forward(
+        self, splats: Splats, camera: Camera, background: Float[np.ndarray, " c"], checked: bool = False
+    ) -> Frame:
         """Draw.
 
         Args:
             splats: n Gaussians with c channels.
             camera: up to 16384 pixels a side.
             background: (c,) what lies behind.
+            checked: whether the splats are known to be what `Splats.prepared` gives, which takes longer to look at than to make sure of
+                where colours are made.
 
         Raises:
             OptionError: shapes disagree or the camera is unusable.
             SachaError: a colour is not finite, or the splats touch more tiles than memory is given for.
         """
-        splats = splats.prepared()
+        splats = splats if checked else splats.prepared()
         behind = np.asarray(background, np.float32)
         if behind.shape != (splats.channels,) or not np.isfinite(behind).all():
             raise OptionError(f"background is {behind.tolist()}, expected {splats.channels} finite numbers")

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from sacha_core.animation.kernels import frames as frame_kernels
 from sacha_core.animation.kernels import posing as posing_kernels
@@ -51,6 +51,9 @@ class Placing:
         bounds: likewise, of Gaussians.
         own: what `carry_splats` wants of the Gaussians, flat.
         rest: what it wants after the factors of their opacities.
+        faults: (b - 1,) out: the first degenerate triangle of each range.
+        sides: (c - 1, 4) out: the box in the image that each range reaches.
+        fine: (c - 1,) out: whether all its colours can be drawn.
     """
 
     splats: Splats
@@ -60,6 +63,9 @@ class Placing:
     bounds: Int[np.ndarray, " c"]
     own: tuple[np.ndarray, ...]
     rest: tuple[np.ndarray, ...]
+    faults: Int[np.ndarray, " d"]
+    sides: Float[np.ndarray, "e 4"]
+    fine: Bool[np.ndarray, " e"]
 
 
 @dataclass(frozen=True)
@@ -126,14 +132,19 @@ class Drawer:
             splats.means.reshape(-1), splats.scales.reshape(-1), splats.quaternions.reshape(-1), splats.opacities,
             splats.colours.reshape(-1),
         )  # fmt: skip
+        face_bounds = np.array(block_bounds(len(frames.scale), frame_kernels.BLOCK, FACE_JOBS))
+        bounds = np.array(block_bounds(n, BLOCK, max(n, 1)))
         return Placing(
             splats=splats,
             tilts=self._buffers.space("tilts", 9 * n, np.float32).reshape(3, n, 3),
             vertex_bounds=np.array(block_bounds(len(pose.vertices), posing_kernels.BLOCK, len(pose.vertices))),
-            face_bounds=np.array(block_bounds(len(frames.scale), frame_kernels.BLOCK, FACE_JOBS)),
-            bounds=np.array(block_bounds(n, BLOCK, max(n, 1))),
+            face_bounds=face_bounds,
+            bounds=bounds,
             own=tuple(values[name].reshape(-1) for name in CARRIED),
             rest=rest,
+            faults=np.full(len(face_bounds) - 1, -1),
+            sides=np.empty((len(bounds) - 1, 4), np.float32),
+            fine=np.ones(len(bounds) - 1, bool),
         )
 
     def draw(self, camera: Camera, degree: int | None, box: Box) -> Drawing:
@@ -152,7 +163,6 @@ class Drawer:
         view, centre = self._seen_from.of(
             lambda: (view_parameters(camera, NEAR), np.asarray(camera.centre, np.float32)), camera
         )
-        faults, sides = np.full(len(placed.face_bounds) - 1, -1), np.empty((len(placed.bounds) - 1, 4), np.float32)
         colouring = (
             values["sh_dc"], values["sh_rest"], splats.means, centre, degree or 0, ALL_DEGREES, splats.colours, self.tilts
         )  # fmt: skip
@@ -167,8 +177,8 @@ class Drawer:
         def work(_: int, __: int) -> None:
             sound = pose_and_place(
                 turns, self._to_pose, count, posing.joints, placed.vertex_bounds, posing.blend, posing.coefficients, posing.skin,
-                placed.face_bounds, posing.corners, posing.frames, faults,
-                placed.bounds, to_step, tuple(self._step), sides, placing,
+                placed.face_bounds, posing.corners, posing.frames, placed.faults,
+                placed.bounds, to_step, tuple(self._step), placed.sides, placed.fine, placing,
             )  # fmt: skip
             if not sound:
                 refused.append(True)
@@ -176,12 +186,12 @@ class Drawer:
         with self._time("Adam, pose, place and colour"):
             self._pool.run(work, self._pool.threads)
             if refused:
-                refuse_first(posing.pose, posing.corners[1], faults)
+                refuse_first(posing.pose, posing.corners[1], placed.faults)
             self._to_pose = False
-        reached = pixel_box([enclosed(sides)] if len(sides) else [], camera, MARGIN)
+        reached = pixel_box([enclosed(placed.sides)] if len(placed.sides) else [], camera, MARGIN)
         crop = union(reached, box, camera)
         part = camera.crop(crop[0], crop[1], crop[2] - crop[0], crop[3] - crop[1])
-        return Drawing(self._rasteriser.forward(splats, part, BACKGROUND), crop, centre)
+        return Drawing(self._rasteriser.forward(splats, part, BACKGROUND, bool(placed.fine.all())), crop, centre)
 
 
 def union(reached: tuple[int, int, int, int] | None, box: Box, camera: Camera) -> Box:

@@ -11,6 +11,8 @@ import numpy as np
 from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import (
     LANES,
+    absolute,
+    every,
     floor,
     fma,
     inlined,
@@ -29,6 +31,7 @@ from sacha_core.parallel.kernels.lanes import (
 from sacha_core.parallel.kernels.rows import load_at, load_columns, load_rows, store_columns
 from sacha_core.raster.kernels.bounds import reach
 from sacha_core.raster.kernels.harmonics import harmonic_colours
+from sacha_core.raster.splats import LARGEST_COLOUR
 
 F = np.float32
 BLOCK = 1024  # Gaussians that stay in the second cache; what is read ahead of a block's end is little beside it
@@ -139,9 +142,18 @@ def carry_splats(
         store_columns(colours, 4 * row, 4, count, (red, green, blue, sensitivity))
 
 
+@inlined
+def drawable(colours, start, stop):
+    """Tell whether the numbers `start` to `stop` of flat colours are finite, and none too large to be drawn."""
+    fine = zeros() <= zeros()
+    for at in range(start, stop, LANES):
+        fine = fine & (absolute(load_first(colours, at, stop - at)) < LARGEST_COLOUR)
+    return every(fine)
+
+
 @kernel
 def place(start, stop, to_carry, carrying, colouring, to_colour, means, scales, opacities, view):
-    """Place the Gaussians `start` to `stop`, colour them, and give the box in the image that they reach, as `reach` does.
+    """Place the Gaussians `start` to `stop`, and colour them.
 
     Args:
         start: first row.
@@ -154,8 +166,11 @@ def place(start, stop, to_carry, carrying, colouring, to_colour, means, scales, 
         scales: (n, 3).
         opacities: (n,).
         view: parameters of the camera.
+
+    Returns:
+        The box in the image that they reach, as `reach` gives it; and whether all their colours can be drawn.
     """
-    infinite = F(np.inf)
+    infinite, fine = F(np.inf), True
     sides = infinite, infinite, -infinite, -infinite
     for block in range(start, stop, BLOCK):
         end = min(block + BLOCK, stop)
@@ -163,6 +178,7 @@ def place(start, stop, to_carry, carrying, colouring, to_colour, means, scales, 
             carry_splats(block, end, *carrying)
         if to_colour:
             harmonic_colours(block, end, *colouring)
+        fine &= drawable(carrying[-1], 4 * block, 4 * end)
         left, top, right, bottom = reach(block, end, means, scales, opacities, view)
         sides = min(sides[0], left), min(sides[1], top), max(sides[2], right), max(sides[3], bottom)
-    return sides
+    return sides, fine

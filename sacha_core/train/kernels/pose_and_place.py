@@ -18,7 +18,7 @@ PARTS = 4  # each needs all of the one before: joints, blocks of vertices, range
 @kernel
 def pose_and_place(
     turns, to_pose, count, joints, vertex_bounds, blend, coefficients, skin, face_bounds, corners, frames, faults,
-    bounds, to_step, stepping, sides, placing,
+    bounds, to_step, stepping, sides, fine, placing,
 ):  # fmt: skip
     """Pose a head unless it is posed; then let its Gaussians step where they have to and, if no triangle is degenerate, place them.
 
@@ -39,6 +39,7 @@ def pose_and_place(
         to_step: whether Gaussians step first.
         stepping: what `step_gaussians` wants after a range.
         sides: (c, 4) float32 out: the box that each range reaches, see `place`.
+        fine: (c,) bool out: whether all its colours can be drawn.
         placing: what `place` wants after a range.
 
     Returns:
@@ -69,7 +70,7 @@ def pose_and_place(
         if to_step:
             step_gaussians(bounds[job], bounds[job + 1], *stepping)
         if sound:
-            sides[job] = place(bounds[job], bounds[job + 1], *placing)
+            sides[job], fine[job] = place(bounds[job], bounds[job + 1], *placing)
         job = take_turn(turns[3])
     return sound
 
