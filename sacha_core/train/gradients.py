@@ -206,8 +206,8 @@ class GaussianGradients:
 
         self._pool.run(work, self._pool.threads)
         if last:
-            strayed, swollen = settling.penalties.sum(axis=0)
-            self.penalties = float(strayed), float(swollen)
+            strayed, swollen = np.add.reduce(settling.penalties).tolist()
+            self.penalties = strayed, swollen
 
     def sound(self) -> bool:
         """Tell whether all gradients are finite and small enough to go on with, those by the pose among them."""
