@@ -68,18 +68,16 @@ def note_view(
     """
     spans, slopes, colours = span[start:stop], g_means_2d[start:stop], cut[start:stop]
     shares, seen, lengths, g_dc = shares[start:stop], seen[start:stop], lengths[start:stop], g_dc[start:stop]
-    if anew:
-        shares[:], seen[:], lengths[:], g_dc[:] = np.float32(0), 0, np.float32(0), np.float32(0)
+    nothing = np.float32(0)
     for i in range(stop - start):
         visible = spans[i, 1] > 0
-        shares[i] += part if visible else np.float32(0)
-        seen[i] += visible
-    for i in range(stop - start):
         x, y = slopes[i, 0] * half_width, slopes[i, 1] * half_height
-        lengths[i] += math.sqrt(x * x + y * y)
+        shares[i] = (nothing if anew else shares[i]) + (part if visible else nothing)
+        seen[i] = (0 if anew else seen[i]) + visible
+        lengths[i] = (nothing if anew else lengths[i]) + math.sqrt(x * x + y * y)
     flat, out = colours.reshape(colours.size), g_dc.reshape(g_dc.size)
     for i in range(len(flat)):
-        out[i] += basis * flat[i]
+        out[i] = (nothing if anew else out[i]) + basis * flat[i]
 
 
 @inlined
