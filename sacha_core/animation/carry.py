@@ -2,18 +2,36 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import DTypeLike
 
 from sacha_core.animation.kernels.carry import BLOCK
 from sacha_core.animation.kernels.carry import carry as carry_range
-from sacha_core.animation.posed import Pose, block_bounds
+from sacha_core.animation.posed import block_bounds
+from sacha_core.geometry.triangle import TriangleFrames
 from sacha_core.parallel.pool import Pool
 
 __all__ = ["Carried", "carry", "room_for"]
 
 Carried = tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 4"]]
+
+
+class Turned(Protocol):
+    """What Gaussians are carried by: a `Pose`, or less.
+
+    Attributes:
+        frames: of the f triangles.
+        quaternions: (f, 4) wxyz of the frames' rotations.
+    """
+
+    @property
+    def frames(self) -> TriangleFrames: ...
+
+    @property
+    def quaternions(self) -> Float[np.ndarray, "f 4"]: ...
 
 
 def room_for(n: int, dtype: DTypeLike = np.float32) -> Carried:
@@ -26,7 +44,7 @@ def carry(
     log_scale: Float[np.ndarray, "n 3"],
     quaternion: Float[np.ndarray, "n 4"],
     binding: Int[np.ndarray, " n"],
-    pose: Pose,
+    pose: Turned,
     pool: Pool | None = None,
     out: Carried | None = None,
 ) -> Carried:
@@ -37,7 +55,7 @@ def carry(
         log_scale: (n, 3) natural logarithm of the standard deviations in units of the triangle.
         quaternion: (n, 4) wxyz, of any length.
         binding: (n,) triangle of each; not checked here, since this runs at every frame.
-        pose: of the head, in the dtype of the above.
+        pose: of the head, in the dtype of the above: a `Pose`, or what has its frames and their quaternions.
         pool: shares out the work; None for the calling thread alone.
         out: from `room_for`, to be written.
 

@@ -21,6 +21,7 @@ from sacha_core.perception.psnr import psnr, psnr_over
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.scene import render_avatar
 from sacha_core.rate.judging import COVERED
+from sacha_core.rate.stances import stances_of
 from sacha_core.rate.views import PROTOCOL_VIEWS, Shot, ring_shots
 from sacha_core.train.static import WORLD_FRAMES
 
@@ -94,7 +95,8 @@ def make_clip(subject: Subject, count: int, scale: float, trained: Mapping[int, 
             f"there are splats of frame {times[-1]}; the motion of {subject.path} has frames 0 to {len(motion) - 1}"
         )
     short = motion.frames(np.array(times))
-    shots = ring_shots(subject.avatar, subject.head, short, range(len(short)), PROTOCOL_VIEWS[::EVERY_CAMERA], scale)
+    stances = stances_of(subject.avatar, subject.head, short, range(len(short)))
+    shots = ring_shots(stances, PROTOCOL_VIEWS[::EVERY_CAMERA], scale)
     seen = visible(subject.avatar.gaussians)
     splats = {POSED: [standing_on(seen, shot.frames) for shot in shots]}
     if trained:

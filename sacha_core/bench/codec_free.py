@@ -13,6 +13,7 @@ from sacha_core.bench.preset import Subject
 from sacha_core.errors import FormatError
 from sacha_core.evaluate.peers.peer import visible
 from sacha_core.geometry.triangle import triangle_frames
+from sacha_core.rate.stances import Stance
 from sacha_core.rate.views import ELEVATIONS_DEG, Shot, placed
 from sacha_core.train.static import world_head
 
@@ -61,6 +62,6 @@ def free_shots(subject: Subject, share: float) -> tuple[Shot, ...]:
         subject: as `free_subject` gives it.
         share: of the pictures' resolution.
     """
-    frames = triangle_frames(subject.head.v_template, subject.head.faces)
+    stance = Stance(triangle_frames(subject.head.v_template, subject.head.faces))
     views = [(azimuth, elevation) for elevation in ELEVATIONS_DEG for azimuth in AZIMUTHS_DEG]
-    return (Shot(frames, tuple(placed(np.zeros(3), *view, share) for view in views)),)
+    return (Shot(stance, tuple(placed(stance.target, *view, share) for view in views)),)

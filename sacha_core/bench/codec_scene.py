@@ -97,7 +97,7 @@ def make_scene(avatar: Avatar, head: HeadModel, extent: Extent) -> Scene:
             "codecs are compared on posed frames, and the avatar has no motion; name one with --motion FILE"
         )
     shots = protocol_shots(avatar, head, extent.frames, extent.scale)
-    fewer = tuple(Shot(shot.frames, shot.cameras[:: extent.every]) for shot in shots)
+    fewer = tuple(Shot(shot.stance, shot.cameras[:: extent.every]) for shot in shots)
     return Scene(avatar.gaussians, fewer, extent.closely)
 
 
@@ -110,7 +110,7 @@ def scene_of(subject: Subject, extent: Extent) -> Scene:
     """
     if subject.bound:
         return make_scene(subject.avatar, subject.head, extent)
-    shots = tuple(Shot(shot.frames, shot.cameras[:: extent.every]) for shot in free_shots(subject, extent.scale))
+    shots = tuple(Shot(shot.stance, shot.cameras[:: extent.every]) for shot in free_shots(subject, extent.scale))
     return Scene(subject.avatar.gaussians, shots, STILL_CLOSELY)
 
 

@@ -27,6 +27,7 @@ from sacha_core.raster.camera import Camera
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.scene import render_avatar
 from sacha_core.rate.judging import COVERED
+from sacha_core.rate.stances import stances_of
 from sacha_core.rate.views import PROTOCOL_VIEWS, ring_shots
 
 if TYPE_CHECKING:
@@ -121,9 +122,8 @@ def view_of(
     assert motion is not None
     if truth is None or not truth.val:
         share = 1.0 if scene.shots[0].cameras[0].width > 400 else 0.2
-        shot = ring_shots(
-            subject.avatar, subject.head, motion, [len(motion) // 2], PROTOCOL_VIEWS[FRONT : FRONT + 1], share
-        )[0]
+        stances = stances_of(subject.avatar, subject.head, motion, [len(motion) // 2])
+        shot = ring_shots(stances, PROTOCOL_VIEWS[FRONT : FRONT + 1], share)[0]
         return shot.frames, shot.cameras[0], None
     view = truth.val[len(truth.val) // 2]
     frames = triangle_frames(Poser(subject.head, motion)(min(view.timestep, len(motion) - 1)), subject.head.faces)

@@ -95,7 +95,7 @@ def splats_of(path: Path, sources: Sources) -> Subject:
 def moving(avatar: Avatar, head: HeadModel, motion: Path | None) -> tuple[Avatar, str]:
     """Give an avatar a motion, and say which: the named one, or else stock expressions."""
     from sacha_core.cli.sources import open_motion
-    from sacha_core.rate.views import stock_motion
+    from sacha_core.rate.stances import stock_motion
 
     if motion is not None:
         return replace(avatar, motion=open_motion(motion, head)), f"by {motion.name}"

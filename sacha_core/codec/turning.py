@@ -58,9 +58,11 @@ def nearest_to(q: Quaternions, other: Quaternions) -> Quaternions:
 
 
 def rotation_vector(q: Quaternions) -> Float[np.ndarray, "3 p"]:
-    """Give (x, y, z) of the equivalent quaternion with the largest w, which is positive."""
-    identity = np.array([[1.0], [0], [0], [0]])
-    return nearest_to(q, identity)[1:]
+    """Give (x, y, z) of the equivalent quaternion with the largest w, which is positive: the nearest to no turn."""
+    w, x, y, z = q
+    largest = np.abs(q).argmax(axis=0)
+    sign = np.where(np.choose(largest, (w, -x, -y, -z)) < 0, -1.0, 1.0)
+    return np.stack([np.choose(largest, turned) for turned in ((x, w, -z, y), (y, z, w, -x), (z, -y, x, w))]) * sign
 
 
 def turn_of(vector: Int[np.ndarray, "p 3"]) -> Quaternions:

@@ -236,9 +236,7 @@ class Rasteriser:
                 )  # fmt: skip
 
             self._pool.run(job, len(ranges) - 1)
-            gathered = np.zeros((len(result), MAX_CHANNELS))
-            gather_weights(0, len(result), bins.span.ravel(), sums, gathered)
-            result[:, first : first + MAX_CHANNELS] = gathered[:, : len(part)]
+            result[:, first : first + MAX_CHANNELS] = self._gathered(bins, sums, MAX_CHANNELS)[:, : len(part)]
         return result
 
     def largest_weights(self, frame: Frame) -> Float[np.ndarray, " n"]:
@@ -303,8 +301,7 @@ class Rasteriser:
                 )  # fmt: skip
 
             self._pool.run(job, len(ranges) - 1)
-            gathered = np.zeros((len(frame.splats), KINDS * IMAGES))
-            gather_weights(0, len(gathered), bins.span.ravel(), sums, gathered)
+            gathered = self._gathered(bins, sums, KINDS * IMAGES)
             for kind, values in enumerate(result):
                 values[:, first : first + IMAGES] = gathered[:, kind * IMAGES : kind * IMAGES + len(part)]
         return RemovalChanges(*result)
@@ -332,6 +329,17 @@ class Rasteriser:
 
     def _entry_sums(self, bins: Bins) -> np.ndarray:
         return self._buffers.space("entry_sums", bins.capacity * RECORD, np.float32)
+
+    def _gathered(self, bins: Bins, sums: np.ndarray, width: int) -> Float[np.ndarray, "n k"]:
+        """Sum the first numbers of the entries of each Gaussian."""
+        n, span, chunks = len(bins.span), bins.span.ravel(), bins.projection.chunks
+        gathered = np.empty((n, width))
+
+        def job(_: int, k: int) -> None:
+            gather_weights(chunks[k], min(chunks[k + 1], n), span, sums, gathered)  # the last block may be part of one
+
+        self._pool.run(job, len(chunks) - 1)
+        return gathered
 
     def _scratch(self) -> np.ndarray:
         return self._buffers.space("scratch", self.threads * SCRATCH, np.float32).reshape(self.threads, SCRATCH)

@@ -17,7 +17,7 @@ from sacha_core.geometry.triangle import triangle_frames
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.rate.curvature import draw
 from sacha_core.rate.squared_loss import squared_loss
-from sacha_core.rate.views import Shot
+from sacha_core.rate.stances import Stance
 from sacha_core.rate.world import in_world
 from sacha_core.train.views import Target
 
@@ -42,7 +42,7 @@ def capture_error(gaussians: Gaussians, motion: Motion, head: HeadModel, steps: 
     pose, rasteriser, errors = Poser(head, motion), Rasteriser(), list[float]()
     for place in np.unique(np.linspace(0, len(steps) - 1, PICTURES).astype(int)).tolist():
         target = steps[place][0]
-        shot = Shot(triangle_frames(pose(target.timestep), head.faces), (target.camera,))
-        image = draw(gaussians, in_world(gaussians, shot), target.camera, rasteriser).image
+        stance = Stance(triangle_frames(pose(target.timestep), head.faces))
+        image = draw(gaussians, in_world(gaussians, stance, rasteriser.pool), target.camera, rasteriser).image
         errors.append(squared_loss(image, target.image).total)
     return float(np.mean(errors))

@@ -53,10 +53,10 @@ def look_at(gaussians: Gaussians, grounds: Grounds, rasteriser: Rasteriser | Non
     """
     rasteriser = rasteriser or Rasteriser()
     own, elsewhere, missed = (np.zeros(len(gaussians)) for _ in range(3))
-    for world, camera in views_of(gaussians, grounds.fine):
+    for world, camera in views_of(gaussians, grounds.fine, rasteriser.pool):
         frame = draw(gaussians, world, camera, rasteriser)
         own += rasteriser.colour_weights(frame, ones_like(frame))[:, 0]
-    for world, camera in views_of(gaussians, grounds.stock):
+    for world, camera in views_of(gaussians, grounds.stock, rasteriser.pool):
         frame = draw(gaussians, world, camera, rasteriser)
         elsewhere += rasteriser.colour_weights(frame, ones_like(frame))[:, 0]
         missed += rasteriser.removal_changes(frame, ones_like(frame)).squared[:, 0]

@@ -27,7 +27,8 @@ from sacha_core.raster.harmonics import sh_colours, share
 from sacha_core.raster.rasteriser import Frame, Rasteriser
 from sacha_core.raster.splats import Splats
 from sacha_core.rate.kernels.sums import add_outer_products, add_view, mirror
-from sacha_core.rate.views import Shot, measuring_shots
+from sacha_core.rate.stances import Stance, measuring_stances
+from sacha_core.rate.views import COARSE, Shot, spread_shots
 from sacha_core.rate.world import in_world
 
 __all__ = ["draw", "importance_of", "measure_importance"]
@@ -38,18 +39,30 @@ SUMMED = ("position", "log_scale", "rotation", "opacity", "sh_dc")
 
 
 def importance_of(
-    avatar: Avatar, head: HeadModel, seed: int = 0, rasteriser: Rasteriser | None = None
+    avatar: Avatar,
+    head: HeadModel,
+    seed: int = 0,
+    rasteriser: Rasteriser | None = None,
+    stances: Sequence[Stance] | None = None,
 ) -> GaussianImportance:
     """Measure what every number of an avatar is worth, in its own motion, at half the resolution of `protocol_shots`.
 
     Takes about a second on one core for 20,000 Gaussians.
+
+    Args:
+        avatar: to be weighed.
+        head: the head that it is bound to.
+        seed: of the random signs.
+        rasteriser: one to use again; a new one by default.
+        stances: of the avatar's motion, as `measuring_stances` gives them, which is the default.
 
     Raises:
         GeometryError: a frame makes a triangle degenerate.
         HeadError: the motion has components or vertex offsets that the head lacks.
     """
     n_cameras = DIRECTIONAL_CAMERAS if avatar.gaussians.sh_degree else CAMERAS
-    return measure_importance(avatar.gaussians, measuring_shots(avatar, head, n_cameras), seed, rasteriser)
+    shots = spread_shots(stances or measuring_stances(avatar, head), n_cameras, COARSE)
+    return measure_importance(avatar.gaussians, shots, seed, rasteriser)
 
 
 def measure_importance(
@@ -71,7 +84,7 @@ def measure_importance(
     sums = {name: np.zeros((n, 3) if name != "opacity" else n) for name in SUMMED}
     metric, spaces = np.zeros((n, k + 1, k + 1), np.float32), Spaces.of(n)
     for shot in shots:
-        world = in_world(gaussians, shot)
+        world = in_world(gaussians, shot.stance, rasteriser.pool)
         columns = np.empty((n, len(shot.cameras), k + 1), np.float32)
         for view, camera in enumerate(shot.cameras):
             frame = draw(gaussians, world, camera, rasteriser, spaces)

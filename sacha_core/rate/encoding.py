@@ -16,6 +16,7 @@ from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.rate.curvature import importance_of
 from sacha_core.rate.leaving_out import Leaving
 from sacha_core.rate.recolouring import Pictures, Recolouring
+from sacha_core.rate.stances import measuring_stances
 from sacha_core.rate.visibility import PRUNING_BITS, grounds_for
 
 __all__ = ["Encoded", "Prepared", "RenderingEncoder", "encode_by_rendering"]
@@ -136,8 +137,9 @@ class RenderingEncoder:
     def _measure(self) -> tuple[Leaving, GaussianImportance]:
         """Give what decides who goes, and what numbers are worth while all Gaussians are there."""
         if self._measured is None:
-            importance = importance_of(self._avatar, self.head, self._seed, self._rasteriser)
-            gaussians, grounds = self._avatar.gaussians, grounds_for(self._avatar, self.head)
+            stances = measuring_stances(self._avatar, self.head)
+            importance = importance_of(self._avatar, self.head, self._seed, self._rasteriser, stances)
+            gaussians, grounds = self._avatar.gaussians, grounds_for(self._avatar, self.head, stances)
             pictures = Pictures(gaussians, grounds.own)
             self._measured = Leaving.of(gaussians, grounds, pictures, self._rasteriser), importance
         return self._measured

@@ -45,7 +45,7 @@ class Judge:
         self._truth, self._rasteriser = avatar.gaussians, rasteriser or Rasteriser()
         self._shots = protocol_shots(avatar, head)
         self._quick_shots = tuple(
-            Shot(shot.frames, tuple(shot.cameras[(3 * place + 8 * k) % 16] for k in range(QUICK_CAMERAS)))
+            Shot(shot.stance, tuple(shot.cameras[(3 * place + 8 * k) % 16] for k in range(QUICK_CAMERAS)))
             for place, shot in enumerate(self._shots)
         )
         self._kept: list[Truth] = []
@@ -65,14 +65,14 @@ class Judge:
         return mean_of(ratios)
 
     def _truth_of(self, shot: Shot, camera: Camera) -> Truth:
-        frame = draw(self._truth, in_world(self._truth, shot), camera, self._rasteriser)
+        frame = draw(self._truth, in_world(self._truth, shot.stance, self._rasteriser.pool), camera, self._rasteriser)
         return frame.transmittance < 1 - COVERED, frame.image.transpose(1, 2, 0).copy()
 
     def _ratios(self, gaussians: Gaussians, shots: Sequence[Shot], truth: Sequence[Truth]) -> list[float]:
         """Give the PSNR of each view in which there is something to see."""
         ratios, known = [], iter(truth)
         for shot in shots:
-            world = in_world(gaussians, shot)
+            world = in_world(gaussians, shot.stance, self._rasteriser.pool)
             for camera in shot.cameras:
                 own, picture = next(known)
                 if own.any():

@@ -78,7 +78,7 @@ class Leaving:
         truths = iter(self.pictures.drawn(rasteriser))
         for shot in self.grounds.own:
             first = next(truths)
-            off = draw(left, in_world(left, shot), shot.cameras[0], rasteriser).image - first
+            off = draw(left, in_world(left, shot.stance, rasteriser.pool), shot.cameras[0], rasteriser).image - first
             total += float(np.vdot(off, off))
             for _ in shot.cameras[1:]:
                 next(truths)

@@ -17,7 +17,8 @@ from sacha_core.flame.model import HeadModel
 from sacha_core.interchange.capture import Capture
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.scene import render_avatar
-from sacha_core.rate.views import different_frames, spread_shots, stock_motion
+from sacha_core.rate.stances import different_frames, stances_of, stock_motion
+from sacha_core.rate.views import spread_shots
 from sacha_core.train.state import FITTED_MOTION
 from sacha_core.train.views import Target, TrainingViews, box_of
 
@@ -61,7 +62,8 @@ def own_pictures(
     poses = poses_to_learn(avatar, head, n_frames, n_stock)
     rasteriser, nothing = Rasteriser(), None
     steps: list[tuple[Target, ...]] = []
-    for timestep, shot in enumerate(spread_shots(avatar, head, poses, range(len(poses)), n_cameras, share)):
+    stances = stances_of(avatar, head, poses, range(len(poses)))
+    for timestep, shot in enumerate(spread_shots(stances, n_cameras, share)):
         for camera in shot.cameras:
             drawn = render_avatar(avatar.gaussians, shot.frames, camera, rasteriser=rasteriser).colour
             image = np.ascontiguousarray(np.rint(np.clip(drawn, 0, 1) * WHITE).astype(np.uint8).transpose(2, 0, 1))

@@ -17,6 +17,7 @@ from jaxtyping import Float
 
 from sacha_core.avatar.binding import WorldGaussians
 from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.parallel.pool import Pool
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.kernels.harmonics import BASIS
 from sacha_core.raster.rasteriser import Rasteriser
@@ -51,7 +52,7 @@ class Pictures:
     def drawn(self, rasteriser: Rasteriser) -> list[Picture]:
         """Give them, pose after pose."""
         if not self._drawn:
-            for world, camera in views_of(self._truth, self.shots):
+            for world, camera in views_of(self._truth, self.shots, rasteriser.pool):
                 self._drawn.append(draw(self._truth, world, camera, rasteriser).image.copy())
         return self._drawn
 
@@ -96,7 +97,9 @@ class Recolouring:
         """Give half the gradient of the squared difference to the truth, mean over views; nothing where a colour was cut at black."""
         total = np.zeros((len(decoded), 3))
         for (world, camera), truth in zip(
-            views_of(decoded, self._pictures.shots), self._pictures.drawn(self._rasteriser), strict=True
+            views_of(decoded, self._pictures.shots, self._rasteriser.pool),
+            self._pictures.drawn(self._rasteriser),
+            strict=True,
         ):
             frame = draw(decoded, world, camera, self._rasteriser)
             total += self._rasteriser.colour_weights(frame, frame.image - truth) * (frame.splats.colours > 0)
@@ -105,17 +108,17 @@ class Recolouring:
     def _normal(self, towards: Colours, decoded: Gaussians) -> Colours:
         """Give $A^T A$ times a direction, mean over views."""
         total, colours = np.zeros(towards.shape), (BASIS[0] * towards).astype(np.float32)
-        for world, camera in views_of(decoded, self._pictures.shots):
+        for world, camera in views_of(decoded, self._pictures.shots, self._rasteriser.pool):
             splats = Splats(world.means, world.scales, world.quaternions, world.opacities, colours)
             frame = self._rasteriser.forward(splats, camera, BLACK)
             total += self._rasteriser.colour_weights(frame, frame.image)
         return total * (BASIS[0] / self._n_views)
 
 
-def views_of(gaussians: Gaussians, shots: Sequence[Shot]) -> Iterator[tuple[WorldGaussians, Camera]]:
-    """Go through all views, pose after pose."""
+def views_of(gaussians: Gaussians, shots: Sequence[Shot], pool: Pool) -> Iterator[tuple[WorldGaussians, Camera]]:
+    """Go through all views, pose after pose; threads share out the carrying."""
     for shot in shots:
-        world = in_world(gaussians, shot)
+        world = in_world(gaussians, shot.stance, pool)
         for camera in shot.cameras:
             yield world, camera
 

@@ -21,7 +21,8 @@ from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.flame.model import HeadModel
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.rate.curvature import draw
-from sacha_core.rate.views import Shot, measuring_shots, stock_motion
+from sacha_core.rate.stances import Stance, measuring_stances, stock_motion
+from sacha_core.rate.views import COARSE, Shot, spread_shots
 from sacha_core.rate.world import in_world
 
 __all__ = ["PRUNING_BITS", "Grounds", "grounds_for", "prune", "removal_errors"]
@@ -49,18 +50,23 @@ class Grounds:
     fine: tuple[Shot, ...]
 
 
-def grounds_for(avatar: Avatar, head: HeadModel) -> Grounds:
+def grounds_for(avatar: Avatar, head: HeadModel, stances: Sequence[Stance] | None = None) -> Grounds:
     """Choose the views to decide by.
+
+    Args:
+        avatar: about whose Gaussians is decided.
+        head: the head that it is bound to.
+        stances: of the avatar's motion, as `measuring_stances` gives them, which is the default.
 
     Raises:
         GeometryError: a frame of the motion makes a triangle degenerate.
         HeadError: the motion has components or vertex offsets that the head lacks.
     """
-    own, stock = measuring_shots(avatar, head, CAMERAS), tuple[Shot, ...]()
+    stances, stock = stances or measuring_stances(avatar, head), tuple[Shot, ...]()
     if avatar.motion is not None and len(avatar.motion):
         playing = replace(avatar, motion=stock_motion(head, avatar.motion))
-        stock = measuring_shots(playing, head, STOCK_CAMERAS)
-    return Grounds(own, stock, measuring_shots(avatar, head, FINE_CAMERAS, share=1.0))
+        stock = spread_shots(measuring_stances(playing, head), STOCK_CAMERAS, COARSE)
+    return Grounds(spread_shots(stances, CAMERAS, COARSE), stock, spread_shots(stances, FINE_CAMERAS))
 
 
 def removal_errors(
@@ -69,7 +75,7 @@ def removal_errors(
     """Give the squared change of pictures when each Gaussian alone is left out: summed over pixels and channels, mean over views."""
     rasteriser, total = rasteriser or Rasteriser(), np.zeros(len(gaussians))
     for shot in shots:
-        world = in_world(gaussians, shot)
+        world = in_world(gaussians, shot.stance, rasteriser.pool)
         for camera in shot.cameras:
             frame = draw(gaussians, world, camera, rasteriser)
             ones = np.ones((1, *frame.transmittance.shape), np.float32)
@@ -110,4 +116,4 @@ def prune(
 
 def every_other(shots: Sequence[Shot], first: int) -> tuple[Shot, ...]:
     """Give half the views, of every pose."""
-    return tuple(Shot(shot.frames, shot.cameras[(first + place) % 2 :: 2]) for place, shot in enumerate(shots))
+    return tuple(Shot(shot.stance, shot.cameras[(first + place) % 2 :: 2]) for place, shot in enumerate(shots))

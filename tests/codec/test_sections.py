@@ -241,6 +241,8 @@ def test_turns_from_neighbours_by_the_half_turn():
             other = sign * multiply(q, np.tile(half[:, None], 50))
             assert np.allclose(nearest_to(other, q), q, atol=ANGLE_TOLERANCE)
             assert np.abs(rotation_vector(multiply(conjugate(q), other))).max() < ANGLE_TOLERANCE
+    no_turn = np.array([[1.0], [0], [0], [0]])
+    assert np.array_equal(rotation_vector(q), nearest_to(q, no_turn)[1:])
     step = layouts(0)[0].passes[0]
     assert TurnWeights(np.full((4, 2), 255)).expect(step, q).tolist() == [[1], [0], [0], [0]]
 

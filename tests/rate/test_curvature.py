@@ -17,6 +17,7 @@ from sacha_core.raster.camera import Camera
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.raster.scene import render_avatar
 from sacha_core.rate.curvature import importance_of, measure_importance
+from sacha_core.rate.stances import Stance
 from sacha_core.rate.views import Shot
 
 TIMES = 600  # the same view, each with signs of its own: the estimate's relative error is sqrt(2 / 600) = 0.06
@@ -43,7 +44,7 @@ def scene(head: HeadModel) -> tuple[Gaussians, Shot]:
     )
     middle = frames.origin[front].mean(axis=0).astype(np.float64)
     camera = Camera.look_at(middle + np.array([0.1, 0.05, 0.5]), middle, 28, 28, 300.0)
-    return gaussians, Shot(frames, (camera,))
+    return gaussians, Shot(Stance(frames), (camera,))
 
 
 def turned(gaussians: Gaussians, axis: int, by: np.ndarray) -> Gaussians:

@@ -18,7 +18,8 @@ from sacha_core.raster.scene import render_avatar
 from sacha_core.rate.covering import FINE_PIXELS
 from sacha_core.rate.encoding import RenderingEncoder, encode_by_rendering
 from sacha_core.rate.judging import Judge
-from sacha_core.rate.views import protocol_shots, stock_motion
+from sacha_core.rate.stances import stock_motion
+from sacha_core.rate.views import protocol_shots
 from sacha_core.rate.visibility import STOCK_SHARE, grounds_for, prune, removal_errors
 
 JOINTLY = 2.0  # times what the removed were worth alone, at most: many hide behind one another

@@ -23,7 +23,8 @@ from sacha_core.rate.encoding import RenderingEncoder
 from sacha_core.rate.judging import Judge
 from sacha_core.rate.leaving_out import JOINT_BITS, ROUNDS, Leaving
 from sacha_core.rate.recolouring import RIDGE, RIDGE_RANK, STEPS, Pictures, Recolouring
-from sacha_core.rate.views import Shot, measuring_shots, stock_motion
+from sacha_core.rate.stances import measuring_stances, stock_motion
+from sacha_core.rate.views import COARSE, Shot, spread_shots
 from sacha_core.rate.visibility import PRUNING_BITS, STOCK_SHARE, Grounds, prune, removal_errors
 from sacha_core.rate.world import in_world
 
@@ -51,14 +52,14 @@ def avatar(head: HeadModel) -> Avatar:
 
 @pytest.fixture(scope="module")
 def shots(avatar: Avatar, head: HeadModel) -> tuple[Shot, ...]:
-    return measuring_shots(avatar, head, 1, 4)
+    return spread_shots(measuring_stances(avatar, head, 4), 1, COARSE)
 
 
 def weights_by_drawing(gaussians: Gaussians, shots: tuple[Shot, ...], rasteriser: Rasteriser) -> np.ndarray:
     """Give (v, n, h, w) blending weights: each Gaussian white, the others and all behind black."""
     views = []
     for shot in shots:
-        world = in_world(gaussians, shot)
+        world = in_world(gaussians, shot.stance)
         for camera in shot.cameras:
             drawn = []
             for one in np.eye(len(gaussians), dtype=np.float32):
@@ -98,7 +99,9 @@ def test_colours_solve_the_least_squares_problem(avatar, shots, rasteriser):
     off = []
     for shot in shots:
         for camera in shot.cameras:
-            pictures = [draw(g, in_world(g, shot), camera, rasteriser).image.astype(np.float64) for g in (truth, moved)]
+            pictures = [
+                draw(g, in_world(g, shot.stance), camera, rasteriser).image.astype(np.float64) for g in (truth, moved)
+            ]
             off.append(pictures[0] - pictures[1])
     wanted = np.stack(off, axis=1).reshape(3, -1)
     views = len(off)

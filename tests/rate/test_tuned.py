@@ -18,10 +18,11 @@ from sacha_core.rate.fitting import Fitting, starting_rates
 from sacha_core.rate.judging import Judge
 from sacha_core.rate.making_up import MakingUpOptions
 from sacha_core.rate.pictures import own_pictures
+from sacha_core.rate.stances import stock_motion
 from sacha_core.rate.target import encode_to_size
 from sacha_core.rate.thinning import ThinningOptions
 from sacha_core.rate.tuned import Tuner
-from sacha_core.rate.views import protocol_shots, stock_motion
+from sacha_core.rate.views import protocol_shots
 
 LEVEL = 1
 SHORT = ThinningOptions(share=0.25, iterations=40, last_iterations=60, rounds=4)
