@@ -106,11 +106,13 @@ def encode_traced(
     importance: GaussianImportance | None = None,
     recolour: Recolour | None = None,
     remaining: Remaining | None = None,
+    template: Template | None = None,
 ) -> tuple[bytes, Int[np.ndarray, " m"]]:
     """Compress an avatar as `encode` does; give the bytes, and which of its Gaussians each of the m decoded ones is.
 
     `recolour` chooses colours when all else is decided, to make up for what that lost; None keeps them. `remaining` moves all that is not
-    coded yet after each attribute, and wants to know the importance; colours are its own then.
+    coded yet after each attribute, and wants to know the importance; colours are its own then. `template` is that of the head, where it
+    is at hand.
     """
     chosen = level if isinstance(level, Level) else level_named(level)
     if not 1 <= group_frames <= 65535:
@@ -125,8 +127,9 @@ def encode_traced(
         keep = visible(gaussians.opacity_logit, chosen.opacity_steps)
     check_range(gaussians, keep)
     gaussians = gaussians.select(keep)
-    importance = None if importance is None else importance.select(keep)
-    template = template_of(head.v_template, head.faces) if head else unknown_template(avatar.head.n_faces)
+    importance = importance if importance is None or keep.all() else importance.select(keep)
+    if template is None:
+        template = template_of(head.v_template, head.faces) if head else unknown_template(avatar.head.n_faces)
     rows = np.flatnonzero(keep)
     mine = None if recolour is None else lambda decoded, order: recolour(decoded, rows[order])
     sections, order = encode_gaussians(gaussians, template, chosen, importance, head, mine, remaining)
@@ -196,11 +199,12 @@ def encode_gaussians(
     return [Section("Counts", counts), *sections], order
 
 
-def price_of_a_bit(gaussians: Gaussians, head: HeadModel, level: int | Level, importance: GaussianImportance) -> float:
+def price_of_a_bit(
+    gaussians: Gaussians, template: Template, level: int | Level, importance: GaussianImportance
+) -> float:
     """Give the squared error in pictures, in units of `importance`, that a level trades for a bit; 0 where nothing is coded."""
     chosen = level if isinstance(level, Level) else level_named(level)
     keep = visible(gaussians.opacity_logit, chosen.opacity_steps)
-    template = template_of(head.v_template, head.faces)
     alone = replace(importance, colour_metric=None)  # which decides nothing here, and is the largest part
     prepared, known, order = prepare(gaussians.select(keep), template, chosen, alone.select(keep))
     if known is None or not len(order):

@@ -226,17 +226,18 @@ class Rasteriser:
         sums = self._entry_sums(bins)
         result = np.zeros((len(frame.splats), len(weights)))
         for first in range(0, len(weights), MAX_CHANNELS):
-            part = weights[first : first + MAX_CHANNELS]
-            group = np.concatenate([part, np.zeros((MAX_CHANNELS - len(part), *part.shape[1:]), np.float32)])
+            part = weights[first : first + MAX_CHANNELS].ravel()
 
-            def job(worker: int, k: int, group: np.ndarray = group) -> None:
+            def job(worker: int, k: int, part: np.ndarray = part) -> None:
                 blend_weights(
                     ranges[k], ranges[k + 1], bins.start, bins.done, bins.entries, bins.projection.records, bins.x_lanes,
-                    bins.y_lanes, group.ravel(), frame.camera.width, frame.camera.height, sums, scratch[worker],
+                    bins.y_lanes, part, frame.camera.width, frame.camera.height, sums, scratch[worker],
                 )  # fmt: skip
 
             self._pool.run(job, len(ranges) - 1)
-            result[:, first : first + MAX_CHANNELS] = self._gathered(bins, sums, MAX_CHANNELS)[:, : len(part)]
+            result[:, first : first + MAX_CHANNELS] = self._gathered(bins, sums, MAX_CHANNELS)[
+                :, : len(weights) - first
+            ]
         return result
 
     def largest_weights(self, frame: Frame) -> Float[np.ndarray, " n"]:
@@ -290,20 +291,20 @@ class Rasteriser:
         sums = self._entry_sums(bins)
         result = np.zeros((KINDS, len(frame.splats), len(weights)))
         for first in range(0, len(weights), IMAGES):
-            part = weights[first : first + IMAGES]
-            group = np.concatenate([part, np.zeros((IMAGES - len(part), *size), np.float32)]).ravel()
+            part = weights[first : first + IMAGES].ravel()
 
-            def job(worker: int, k: int, group: np.ndarray = group) -> None:
+            def job(worker: int, k: int, part: np.ndarray = part) -> None:
                 blend_removal(
                     ranges[k], ranges[k + 1], bins.start, bins.done, bins.entries, bins.projection.records, bins.x_lanes, bins.y_lanes,
                     background, frame.image.ravel(), frame.transmittance.ravel(), frame.camera.width,
-                    frame.camera.height, group, sums, scratch[worker],
+                    frame.camera.height, part, sums, scratch[worker],
                 )  # fmt: skip
 
             self._pool.run(job, len(ranges) - 1)
             gathered = self._gathered(bins, sums, KINDS * IMAGES)
+            there = min(IMAGES, len(weights) - first)
             for kind, values in enumerate(result):
-                values[:, first : first + IMAGES] = gathered[:, kind * IMAGES : kind * IMAGES + len(part)]
+                values[:, first : first + there] = gathered[:, kind * IMAGES : kind * IMAGES + there]
         return RemovalChanges(*result)
 
     def _half_way(self, frame: Frame, sums: np.ndarray) -> HalfWay:

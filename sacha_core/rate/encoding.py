@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -11,6 +12,7 @@ from sacha_core.avatar.avatar import Avatar
 from sacha_core.codec.encoder import Recolour, encode_traced, price_of_a_bit
 from sacha_core.codec.importance import GaussianImportance
 from sacha_core.codec.levels import Level, level_named
+from sacha_core.codec.template import Template, template_of
 from sacha_core.flame.model import HeadModel
 from sacha_core.raster.rasteriser import Rasteriser
 from sacha_core.rate.curvature import importance_of
@@ -91,7 +93,7 @@ class RenderingEncoder:
         chosen = level if isinstance(level, Level) else level_named(level)
         leaving, importance = self._measure()
         gaussians = self._avatar.gaussians
-        price = price_of_a_bit(gaussians, self.head, chosen, importance)
+        price = price_of_a_bit(gaussians, self._template, chosen, importance)
         return self.prepare_rows(chosen, leaving.rows(price, self.pruning_bits, self._rasteriser, self._factors))
 
     def prepare_rows(self, level: int | Level, rows: Int[np.ndarray, " m"]) -> Prepared:
@@ -125,8 +127,13 @@ class RenderingEncoder:
             drop_invisible=drop_invisible,
             importance=left.importance,
             recolour=self._recolour(left.rows),
+            template=self._template,
         )
         return Encoded(data, left.level, left.rows[order])
+
+    @cached_property
+    def _template(self) -> Template:
+        return template_of(self.head.v_template, self.head.faces)
 
     def _recolour(self, rows: Int[np.ndarray, " m"]) -> Recolour:
         """Give what chooses colours for some of the Gaussians, by the views that decide who goes."""

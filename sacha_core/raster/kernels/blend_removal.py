@@ -47,6 +47,7 @@ from sacha_core.raster.kernels.batch import (
     write_alphas,
 )
 from sacha_core.raster.kernels.blend_backward import load_tile
+from sacha_core.raster.kernels.blend_weights import load_weights
 from sacha_core.raster.kernels.layout import (
     ALPHA_MAX,
     R_COLOUR,
@@ -194,9 +195,7 @@ def load_images(channels, image, transmittance, pixel_weights, top, left, width,
     for k in range(channels):
         corner = (k * height + top) * width + left
         load_tile(image, corner, width, across, rows, scratch, REST + k * TILE_PIXELS)
-    for k in range(IMAGES):
-        corner = (k * height + top) * width + left
-        load_tile(pixel_weights, corner, width, across, rows, scratch, WEIGHTS + k * TILE_PIXELS)
+    load_weights(pixel_weights, IMAGES, top, left, width, height, across, rows, scratch, WEIGHTS)
     load_tile(transmittance, top * width + left, width, across, rows, scratch, CLOSED)
     closed = False
     for at in range(0, TILE_PIXELS, LANES):
@@ -213,7 +212,7 @@ def blend_removal(
 
     Arguments as of `blend_backward`; further
         background: tuple of as many channels as count, the first ones of the image.
-        pixel_weights: (2, h, w), flat.
+        pixel_weights: up to two images of (h, w), flat.
         entry_sums: (keys, 16) result, flat: the squared and the absolute change, by either weight.
         scratch: (REMOVAL_SCRATCH,) aligned space.
     """

@@ -39,6 +39,19 @@ from sacha_core.raster.kernels.layout import (
 
 
 @inlined
+def load_weights(pixel_weights, most, top, left, width, height, across, rows, scratch, planes):
+    """Copy a tile's part of the images of pixel weights into planes of the scratch, up to `most`; zeros where there are fewer."""
+    for k in range(most):
+        plane = planes + k * TILE_PIXELS
+        if k * height * width < len(pixel_weights):
+            corner = (k * height + top) * width + left
+            load_tile(pixel_weights, corner, width, across, rows, scratch, plane)
+        else:
+            for at in range(0, TILE_PIXELS, LANES):
+                store(scratch, plane + at, zeros())
+
+
+@inlined
 def weigh_vector(word, vector, y, scratch):
     """Add the weights of one vector of the tile, times its pixels' weights, to the sums of the entries that `word` names."""
     write_alphas(word, y, scratch)
@@ -59,19 +72,19 @@ def weigh_vector(word, vector, y, scratch):
 def blend_weights(
     first_tile, last_tile, start, done, entries, records, x_lanes, y_lanes, pixel_weights, width, height, entry_sums, scratch
 ):  # fmt: skip
-    """Sum, for every entry, the blending weight times four images of pixel weights (4, h, w), flat; arguments as of `blend_backward`."""
+    """Sum, for every entry, the blending weight times up to four images of pixel weights, flat; arguments as of `blend_backward`."""
     columns = len(x_lanes) // LANES
     for tile in range(first_tile, last_tile):
         for e in range(done[tile], start[tile + 1]):
             store(entry_sums, (entries[e] >> TOP_SHIFT) * RECORD, zeros())
+        entry, end = start[tile], done[tile]
+        if entry == end:
+            continue
         top, left = tile // columns * TILE_HEIGHT, tile % columns * TILE_WIDTH
         rows, across = min(TILE_HEIGHT, height - top), min(TILE_WIDTH, width - left)
         x_tile, y_tile = load(x_lanes, tile % columns * LANES), tile // columns * TILE_VECTORS
         open_tile(scratch, across, rows)
-        for k in range(4):
-            corner = (k * height + top) * width + left
-            load_tile(pixel_weights, corner, width, across, rows, scratch, UPSTREAM + k * TILE_PIXELS)
-        entry, end = start[tile], done[tile]
+        load_weights(pixel_weights, 4, top, left, width, height, across, rows, scratch, UPSTREAM)
         while entry < end:
             count = min(BATCH, end - entry)
             all_of_them = prepare(entry, count, entries, records, x_tile, scratch)
