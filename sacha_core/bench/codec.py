@@ -86,7 +86,6 @@ def measure(preset: Preset, report: Report) -> Bench:
 
 def level_rows(avatar: Avatar, head: HeadModel, preset: Preset) -> list[Row]:
     """Time every level and compare the pictures."""
-    files = {level: encode(avatar, level, head=head) for level in LEVELS}
     coded = coding({level: (avatar, head, level) for level in LEVELS}, preset.of(3, 7, 15), preset.of(1, 25, 120))
     motion = avatar.motion
     assert motion is not None
@@ -96,10 +95,10 @@ def level_rows(avatar: Avatar, head: HeadModel, preset: Preset) -> list[Row]:
     rasteriser = Rasteriser(preset.threads)
     before = pictures(avatar, head, frames, cameras, rasteriser)
     rows: list[Row] = []
-    for level, data in files.items():
+    for level, (data, encoding, decoding) in coded.items():
         after = pictures(decode(data, head=head), head, frames, cameras, rasteriser)
         ratios = [own_pixels_psnr(one, other) for one, other in zip(before, after, strict=True)]
-        found, (encoding, decoding) = inspect(data), coded[level]
+        found = inspect(data)
         rows.append(
             {"table": "levels", "level": level, "n": len(avatar.gaussians), "frames": len(motion), "name": f"level {level}",
              **encoding.row("encode"), **decoding.row("decode"), "gaussians_kb": found.gaussian_bytes / KB,
@@ -134,11 +133,9 @@ def grown(table: str, size: str, work: dict[int, Work], preset: Preset, fixed: R
     """Time encoding and decoding of growing work, and fit the exponents."""
     usual = {n: one for n, one in work.items() if len(one[0].gaussians) < ONCE}
     coded = coding(usual, rounds=preset.of(3, 5, 7), budget_s=preset.of(1, 15, 120))
-    coded |= coding({n: work[n] for n in work.keys() - usual.keys()}, rounds=1, least=preset.of(1, 1, 3))
+    coded |= coding({n: work[n] for n in work.keys() - usual.keys()}, rounds=1, least=preset.of(1, 1, 3), warm_up=False)
     rows: list[Row] = []
-    for n, (encoding, decoding) in coded.items():
-        avatar, head, level = work[n]
-        kilobytes = len(encode(avatar, level, head=head)) / KB
+    for n, (data, encoding, decoding) in coded.items():
         rows.append(
             {
                 "table": table,
@@ -146,7 +143,7 @@ def grown(table: str, size: str, work: dict[int, Work], preset: Preset, fixed: R
                 **fixed,
                 **encoding.row("encode"),
                 **decoding.row("decode"),
-                "total_kb": kilobytes,
+                "total_kb": len(data) / KB,
             }
         )
     names = {"n": "Gaussians", "frames": "frames"}
@@ -156,17 +153,34 @@ def grown(table: str, size: str, work: dict[int, Work], preset: Preset, fixed: R
 
 
 def coding(
-    work: dict[int, Work], rounds: int, budget_s: float = float("inf"), least: int = LEAST_ROUNDS
-) -> dict[int, tuple[Times, Times]]:
-    """Time encoding and decoding of several avatars turn by turn."""
+    work: dict[int, Work],
+    rounds: int,
+    budget_s: float = float("inf"),
+    least: int = LEAST_ROUNDS,
+    warm_up: bool = True,
+) -> dict[int, tuple[bytes, Times, Times]]:
+    """Code several avatars turn by turn; give the file of each, and the times of encoding and decoding.
+
+    `warm_up` codes each once before, untimed, which compiles all there is.
+    """
+    files = dict[int, bytes]()
+
+    def write(key: int) -> None:
+        avatar, head, level = work[key]
+        files[key] = encode(avatar, level, head=head)
+
+    def read(key: int) -> None:
+        decode(files[key], head=work[key][1])
+
     tasks: dict[tuple[str, int], Callable[[], object]] = {}
-    for key, (avatar, head, level) in work.items():
-        tasks["encode", key] = partial(encode, avatar, level, head=head)
-        tasks["decode", key] = partial(decode, encode(avatar, level, head=head), head=head)
-    if work:
-        tasks["decode", min(work)]()  # the encoding above has compiled all the rest
+    for key in work:
+        tasks["encode", key], tasks["decode", key] = partial(write, key), partial(read, key)
+    if warm_up and work:
+        for key in work:
+            write(key)
+        read(min(work))
     times = interleave(tasks, rounds, budget_s, warm_up=0, least=least)
-    return {key: (times["encode", key], times["decode", key]) for key in work}
+    return {key: (files[key], times["encode", key], times["decode", key]) for key in work}
 
 
 def pictures(

@@ -89,7 +89,7 @@ def measure_importance(
         for view, camera in enumerate(shot.cameras):
             frame = draw(gaussians, world, camera, rasteriser, spaces)
             signs = rng.integers(0, 2, frame.image.shape, np.int8)
-            slopes = rasteriser.backward(frame, 2 * signs.astype(np.float32) - 1)
+            slopes = rasteriser.backward(frame, (2 * signs - 1).astype(np.float32))
             centre, frames = np.asarray(camera.centre, np.float32), shot.frames
             arguments = (
                 (world.means, world.scales, world.quaternions, world.opacities), (gaussians.binding, frames.rotation, frames.scale),
