@@ -1,5 +1,7 @@
 """Hostile files by the thousand: whatever the bytes, an avatar or one of our errors, within a second and in little memory.
 
+Every input goes through the plain loops and through the compiled ones, which must give the same.
+
 `python tests/codec/fuzzing.py --inputs 1000000 --seed 1` runs as many as are asked for, tells how they ended, and keeps every input that
 broke a promise in `tests/codec/found`, where the tests read it again. Input i of a seed is the same everywhere.
 """
@@ -7,6 +9,7 @@ broke a promise in `tests/codec/found`, where the tests read it again. Input i o
 from __future__ import annotations
 
 import argparse
+import hashlib
 import random
 import struct
 import sys
@@ -14,11 +17,12 @@ import time
 import zlib
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+from both_loops import compiling
 from synthetic_avatars import (
     random_avatar,
     random_gaussians,
@@ -28,6 +32,8 @@ from synthetic_avatars import (
     vertex_avatar,
 )
 
+from sacha_core.avatar.gaussians import Gaussians
+from sacha_core.avatar.motion import Motion
 from sacha_core.codec import Decoder, Encoder, decode, embedded_head, encode, encode_archive, encode_paper, inspect
 from sacha_core.codec.container import Section, pack_sections, parse_sections
 from sacha_core.codec.packet import AVATAR, HEAD_BYTES
@@ -190,6 +196,11 @@ def packets(rng: random.Random, files: list[Sections]) -> bytes:
         if rng.random() < 0.5 and len(body) >= HEAD_BYTES - 4:
             body = body[: HEAD_BYTES - 8] + struct.pack("<I", len(body) - HEAD_BYTES + 4) + body[HEAD_BYTES - 4 :]
         sent.append(struct.pack("<I", zlib.crc32(body) if rng.random() < 0.95 else rng.randrange(1 << 32)) + body)
+    return in_one(sent)
+
+
+def in_one(sent: list[bytes]) -> bytes:
+    """Give an input of packets."""
     return PACKETS + b"".join(struct.pack("<I", len(packet)) + packet for packet in sent)
 
 
@@ -211,8 +222,8 @@ def make(seed: int, number: int) -> tuple[str, bytes]:
     return kind, MAKERS[kind][1](rng, seeds())
 
 
-def attempt(data: bytes) -> bool:
-    """Read a file in every way; raise where it does anything but decode to a valid avatar or be refused. Tell whether it decoded."""
+def attempt(data: bytes) -> str:
+    """Read a file in every way; raise where it does anything but decode to a valid avatar or be refused. Give a digest; "" for refused."""
     head = tiny_head()
     if data.startswith(PACKETS):
         return received(data[len(PACKETS) :])
@@ -221,16 +232,27 @@ def attempt(data: bytes) -> bool:
         inspect(data)
         embedded_head(data)
     except ALLOWED:
-        return False
+        return ""
     avatar.gaussians.validate(avatar.head.n_faces)
     if avatar.motion is not None:
         avatar.motion.validate()
-    return True
+    return digest_of(avatar.gaussians, avatar.motion)
 
 
-def received(data: bytes) -> bool:
-    """Feed packets to a decoder, which may refuse an avatar for its head, and nothing else. Tell whether frames came."""
-    decoder, at, n_frames = Decoder(tiny_head()), 0, 0
+def digest_of(*parts: Gaussians | Motion | None) -> str:
+    """Give a digest of all arrays."""
+    found = hashlib.sha256()
+    for part in parts:
+        for name in [] if part is None else [one.name for one in fields(part)]:
+            value = np.asarray(getattr(part, name))
+            found.update(f"{name} {value.dtype} {value.shape}".encode())
+            found.update(np.ascontiguousarray(value).tobytes())
+    return found.hexdigest()
+
+
+def received(data: bytes) -> str:
+    """Feed packets to a decoder, which may refuse an avatar for its head, and nothing else. Give a digest of frames; "" where none came."""
+    decoder, at, told = Decoder(tiny_head()), 0, list[str]()
     while at < len(data):
         (n_bytes,) = struct.unpack_from("<I", data, at)
         try:
@@ -242,11 +264,11 @@ def received(data: bytes) -> bool:
             assert (outcome.kind == "damaged") <= bool(outcome.problem)
             if outcome.frames is not None:
                 outcome.frames.validate()
-                n_frames += len(outcome.frames)
+                told += [digest_of(outcome.frames)] * (len(outcome.frames) > 0)
         at += 4 + n_bytes
     if decoder.avatar is not None:
         decoder.avatar.gaussians.validate(decoder.avatar.head.n_faces)
-    return n_frames > 0
+    return "".join(told)
 
 
 def peak_memory() -> int:
@@ -283,29 +305,35 @@ class Tally:
 def run(seed: int, start: int, stop: int, tell: Callable[[str], object] = lambda _: None) -> Tally:
     """Try inputs `start` to `stop` - 1 of a seed."""
     tally = Tally()
-    for sections in seeds():
-        assert attempt(pack_sections(sections))
+    for compiled in (False, True):
+        with compiling(compiled):
+            for data in [*map(pack_sections, seeds()), *map(in_one, packet_seeds())]:
+                assert attempt(data)
     highest = base = peak_memory()
     for number in range(start, stop):
         kind, data = make(seed, number)
-        before = time.process_time()
-        try:
-            decoded = attempt(data)
-            problem = ""
-        except Exception as fault:  # noqa: BLE001  # any other error is what is looked for
-            problem = f"{type(fault).__name__}: {fault}"
-        spent, peak = time.process_time() - before, peak_memory()
-        if spent > SECONDS:
-            problem = problem or f"took {spent:.2f} s"
-        if peak - highest > MEMORY:
-            problem = problem or f"took {(peak - highest) >> 20} MiB"
-        highest = max(highest, peak)
-        tally.slowest_s, tally.grown = max(tally.slowest_s, spent), highest - base
+        problem, given = "", list[str]()
+        for compiled in (False, True):
+            before = time.process_time()
+            try:
+                with compiling(compiled):
+                    given.append(attempt(data))
+            except Exception as fault:  # noqa: BLE001  # any other error is what is looked for
+                problem = f"{type(fault).__name__}: {fault}"
+            spent, peak = time.process_time() - before, peak_memory()
+            if spent > SECONDS:
+                problem = problem or f"took {spent:.2f} s"
+            if peak - highest > MEMORY:
+                problem = problem or f"took {(peak - highest) >> 20} MiB"
+            highest = max(highest, peak)
+            tally.slowest_s, tally.grown = max(tally.slowest_s, spent), highest - base
+        if len(set(given)) > 1:
+            problem = problem or "compiled loops give something else"
         if problem:
             tally.broken[number] = f"{kind}: {problem}"
             tell(f"input {number} of seed {seed}: {tally.broken[number]}")
         else:
-            tally.ends[kind, decoded] += 1
+            tally.ends[kind, bool(given[0])] += 1
         if number % 20_000 == 19_999:
             tell(f"{number + 1 - start} inputs, {len(tally.broken)} broke a promise")
     return tally

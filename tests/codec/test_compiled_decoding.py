@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 
 import numpy as np
 import pytest
+from both_loops import compiling
 from golden_streams import DIGESTS, FOLDER, digests_of
 from synthetic_avatars import small_head
 
@@ -20,33 +20,21 @@ from sacha_core.errors import FormatError
 N_CONTEXTS = 8
 PUBLISHED = json.loads(DIGESTS.read_text())
 KERNELS = {"gathers": gathers, "contexts": contexts, "prediction": prediction, "tokens": tokens}
-Choose = Callable[[bool], None]
-
-
-@pytest.fixture
-def choose(monkeypatch) -> Choose:
-    """Give a switch between compiled loops for everything, and for nothing."""
-
-    def choose(compiled: bool) -> None:
-        monkeypatch.setattr(loops, "COMPILED_FROM", 0 if compiled else 1 << 40)
-        monkeypatch.setattr(loops, "COMPILED_FROM_LOADED", 0 if compiled else 1 << 40)
-
-    return choose
 
 
 @pytest.mark.parametrize("name", sorted(KERNELS))
-def test_switch_decides(choose, name):
-    choose(True)
-    assert loops.compiled_loops(name, 1) is KERNELS[name]
-    choose(False)
-    assert loops.compiled_loops(name, 1 << 30) is None
+def test_switch_decides(name):
+    with compiling(True):
+        assert loops.compiled_loops(name, 1) is KERNELS[name]
+    with compiling(False):
+        assert loops.compiled_loops(name, 1 << 30) is None
 
 
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("name", sorted(PUBLISHED))
-def test_published_streams_decode_to_the_same_bits(choose, name, compiled):
-    choose(compiled)
-    assert digests_of((FOLDER / f"{name}.sacha").read_bytes()) == PUBLISHED[name]
+def test_published_streams_decode_to_the_same_bits(name, compiled):
+    with compiling(compiled):
+        assert digests_of((FOLDER / f"{name}.sacha").read_bytes()) == PUBLISHED[name]
 
 
 def stream(n: int) -> tuple[bytes, np.ndarray, np.ndarray]:
@@ -73,14 +61,14 @@ def read(data: bytes, under: np.ndarray) -> np.ndarray | str:
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 96, 1000, 20_000])
-def test_tokens_and_raw_bits_are_those_that_were_written(choose, n):
+def test_tokens_and_raw_bits_are_those_that_were_written(n):
     data, values, under = stream(n)
     for compiled in (True, False):
-        choose(compiled)
-        assert np.array_equal(read(data, under), values)
+        with compiling(compiled):
+            assert np.array_equal(read(data, under), values)
 
 
-def test_damage_is_told_alike(choose):
+def test_damage_is_told_alike():
     """Oracle: constriction and NumPy; both give the same integers, or the same words for what is wrong."""
     data, _, under = stream(1000)
     rng, refused = np.random.default_rng(5), 0
@@ -91,8 +79,8 @@ def test_damage_is_told_alike(choose):
         cut = bytes(changed[: rng.integers(len(data) // 2, len(data) + 1)]) if rng.random() < 0.3 else bytes(changed)
         results = []
         for compiled in (True, False):
-            choose(compiled)
-            results.append(read(cut, under))
+            with compiling(compiled):
+                results.append(read(cut, under))
         assert type(results[0]) is type(results[1])
         assert np.array_equal(*results)
         refused += isinstance(results[0], str)
@@ -101,7 +89,7 @@ def test_damage_is_told_alike(choose):
 
 @pytest.mark.parametrize("share", [0.0, 0.0005, 0.01, 0.3, 1.0])
 @pytest.mark.parametrize("kind", ["triangles", "vertices"])
-def test_nearest_places_are_those_of_numpy(choose, kind, share):
+def test_nearest_places_are_those_of_numpy(kind, share):
     """Oracle: the array operations, to the bit, where there is trust."""
     head = small_head()
     there = getattr(template_of(head.v_template, head.faces), kind)
@@ -110,7 +98,7 @@ def test_nearest_places_are_those_of_numpy(choose, kind, share):
     asked = np.flatnonzero(rng.random(len(there)) < 0.5)
     results = []
     for compiled in (True, False):
-        choose(compiled)
-        results.append(places.nearest_known(there, known, asked))
+        with compiling(compiled):
+            results.append(places.nearest_known(there, known, asked))
     assert np.array_equal(results[0][1], results[1][1])
     assert np.array_equal(*(np.where(trust > 0, near, 0) for near, trust in results))

@@ -5,8 +5,11 @@ A million run at night: `make fuzz`.
 
 from __future__ import annotations
 
+import fuzzing
 import pytest
 from fuzzing import FOUND, MEMORY, SECONDS, attempt, make, run
+
+from sacha_core.codec import loops
 
 CHUNK = 1000
 N_CHUNKS = 10
@@ -26,6 +29,14 @@ def test_hostile_files(chunk):
 
 def test_inputs_are_the_same_every_time():
     assert [make(SEED, number) for number in range(20)] == [make(SEED, number) for number in range(20)]
+
+
+def test_loops_that_give_something_else_break_a_promise(monkeypatch):
+    monkeypatch.setattr(fuzzing, "attempt", lambda _: f"digest {loops.COMPILED_FROM}")
+    tally = run(SEED, 0, 3)
+    assert [problem.partition(": ")[2] for problem in tally.broken.values()] == [
+        "compiled loops give something else"
+    ] * 3
 
 
 @pytest.mark.parametrize("path", sorted(FOUND.glob("*.bin")), ids=lambda path: path.stem)
