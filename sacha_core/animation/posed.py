@@ -113,14 +113,8 @@ class PosedHead:
         self._rows, self._coefficients = np.empty(n_directions, np.int64), np.empty(n_directions, dtype)
         self._vertex_bounds = block_bounds(v, posing_kernels.BLOCK, self._pool.threads)
         self._face_bounds = block_bounds(f, frame_kernels.BLOCK, self._pool.threads)
-        frames = self._pose.frames
-        self._fixed = (
-            (self.poser.template.reshape(-1), self.poser.directions, self.moves),
-            self.poser.weights,
-            self._pose.unposed.reshape(-1),
-            (self._pose.vertices, self.faces, *self._limits),
-            (frames.rotation, frames.scale, frames.origin, self._pose.quaternions),
-        )
+        self._expression, self._translation = np.zeros(self.poser.joint_directions.shape[2], dtype), np.zeros(3, dtype)
+        self._posing = self._make_posing()
 
     def pose(
         self,
@@ -161,18 +155,28 @@ class PosedHead:
         vectors: Float[np.ndarray, "5 3"],
         translation: Float[np.ndarray, "3"],
     ) -> Posing:
-        """Give what kernels want that take this pose instead of `pose`; `refuse_first` then says what is wrong with it."""
-        pose, poser = self._pose, self.poser
-        dtype = pose.vertices.dtype
-        active = np.ascontiguousarray(expression[: poser.joint_directions.shape[2]], dtype)
-        pose.vectors[:] = vectors[: len(pose.vectors)]
-        joints = (
-            active, pose.vectors, poser.joints, poser.joint_directions, poser.parents, poser.has_correctives,
-            pose.joints, pose.rotations, pose.transforms,
+        """Give what kernels want that take this pose instead of `pose`, the same every time; `refuse_first` then says what is wrong with it."""
+        active = expression[: len(self._expression)]
+        self._expression[: len(active)], self._expression[len(active) :] = active, 0
+        self._pose.vectors[:] = vectors[: len(self._pose.vectors)]
+        self._translation[:] = translation
+        return self._posing
+
+    def _make_posing(self) -> Posing:
+        """Give what kernels want, where `prepare` puts what changes from pose to pose."""
+        pose, poser, frames = self._pose, self.poser, self._pose.frames
+        return Posing(
+            pose=pose,
+            joints=(
+                self._expression, pose.vectors, poser.joints, poser.joint_directions, poser.parents, poser.has_correctives,
+                pose.joints, pose.rotations, pose.transforms,
+            ),
+            blend=(poser.template.reshape(-1), poser.directions, self.moves),
+            coefficients=(self._rows, self._coefficients),
+            skin=(poser.weights, pose.transforms, self._translation, pose.unposed.reshape(-1), pose.vertices),
+            corners=(pose.vertices, self.faces, *self._limits),
+            frames=(frames.rotation, frames.scale, frames.origin, pose.quaternions),
         )  # fmt: skip
-        blend, weights, unposed, corners, frames = self._fixed
-        skin = weights, pose.transforms, np.ascontiguousarray(translation, dtype), unposed, pose.vertices
-        return Posing(pose, joints, blend, (self._rows, self._coefficients), skin, corners, frames)
 
     def _find_frames(self, posing: Posing) -> None:
         bounds = self._face_bounds

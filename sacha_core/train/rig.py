@@ -83,6 +83,7 @@ class Rig:
             self.row[PLACES["translation"]],
         )
         self._way_back: Kept[WayBack] = Kept()
+        self._given, self._by_name = np.zeros(0), dict[str, np.ndarray]()
 
     def pose(self, parameters: Mapping[str, Float[np.ndarray, " p"]]) -> Pose:
         """Pose the head.
@@ -117,14 +118,17 @@ class Rig:
         return WayBack(self._blocks, skin, self._spaces, self._sums, joints)
 
     def slopes(self, like: Mapping[str, Float[np.ndarray, " p"]]) -> Arrays:
-        """Give the gradient by the parameters of the last pose, where a kernel left it.
+        """Give the gradient by the parameters of the last pose, where a kernel left it; holds until the next call.
 
         Args:
-            like: the parameters, whose lengths and dtypes the gradients get.
+            like: the parameters, whose lengths and dtype the gradients get.
         """
-        row = np.zeros(PLACES["expression"].start + len(like["expression"]), like["expression"].dtype)
-        row[: len(self.row)] = self.row
-        return {name: row[PLACES[name]] for name in like}
+        size, dtype = PLACES["expression"].start + len(like["expression"]), like["expression"].dtype
+        if (self._given.size, self._given.dtype) != (size, dtype):
+            self._given = np.zeros(size, dtype)
+            self._by_name = {name: self._given[place] for name, place in PLACES.items()}
+        self._given[: len(self.row)] = self.row
+        return self._by_name
 
     def backward(self, pose: Pose, like: Mapping[str, Float[np.ndarray, " p"]]) -> Arrays:
         """Give the gradient by the parameters of the pose that `g_corners` stands for.
