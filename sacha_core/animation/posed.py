@@ -155,7 +155,10 @@ class PosedHead:
         vectors: Float[np.ndarray, "5 3"],
         translation: Float[np.ndarray, "3"],
     ) -> Posing:
-        """Give what kernels want that take this pose instead of `pose`, the same every time; `refuse_first` then says what is wrong with it."""
+        """Give what kernels want that take this pose instead of `pose`; it is the same each time.
+
+        `refuse_first` then says what is wrong with it.
+        """
         active = expression[: len(self._expression)]
         self._expression[: len(active)], self._expression[len(active) :] = active, 0
         self._pose.vectors[:] = vectors[: len(self._pose.vectors)]

@@ -11,9 +11,10 @@ from jaxtyping import Bool, Float, Int
 
 from sacha_core.animation.kernels import frames as frame_kernels
 from sacha_core.animation.kernels import posing as posing_kernels
-from sacha_core.animation.posed import Pose, Posing, block_bounds, refuse_first
+from sacha_core.animation.posed import Posing, block_bounds, refuse_first
 from sacha_core.parallel.buffers import Buffers
 from sacha_core.parallel.kept import Kept, KeptOfEach
+from sacha_core.parallel.kernels.packed import Packed
 from sacha_core.parallel.kernels.turns import new_turns
 from sacha_core.parallel.pool import Pool
 from sacha_core.raster.bounds import pixel_box
@@ -46,26 +47,18 @@ class Placing:
     Args:
         splats: in the world.
         tilts: see `Drawer`.
-        vertex_bounds: of the ranges of vertices that jobs take.
-        face_bounds: likewise, of triangles.
-        bounds: likewise, of Gaussians.
-        own: what `carry_splats` wants of the Gaussians, flat.
-        rest: what it wants after the factors of their opacities.
-        faults: (b - 1,) out: the first degenerate triangle of each range.
-        sides: (c - 1, 4) out: the box in the image that each range reaches.
-        fine: (c - 1,) out: whether all its colours can be drawn.
+        faults: (b,) out: of each range of triangles the first degenerate one, or -1.
+        sides: (c, 4) out: the box in the image that each range of Gaussians reaches.
+        fine: (c,) out: whether all its colours can be drawn.
+        fixed: what `pose_and_place` wants.
     """
 
     splats: Splats
     tilts: Float[np.ndarray, "3 n 3"]
-    vertex_bounds: Int[np.ndarray, " a"]
-    face_bounds: Int[np.ndarray, " b"]
-    bounds: Int[np.ndarray, " c"]
-    own: tuple[np.ndarray, ...]
-    rest: tuple[np.ndarray, ...]
-    faults: Int[np.ndarray, " d"]
-    sides: Float[np.ndarray, "e 4"]
-    fine: Bool[np.ndarray, " e"]
+    faults: Int[np.ndarray, " b"]
+    sides: Float[np.ndarray, "c 4"]
+    fine: Bool[np.ndarray, " c"]
+    fixed: Packed
 
 
 @dataclass(frozen=True)
@@ -114,38 +107,35 @@ class Drawer:
             to_step: whether they do.
         """
         values, pose = state.values, posing.pose
-        own = tuple(values[name] for name in CARRIED)
-        placing = self._placing.of(lambda: self._begin(state, pose), pose, state.binding, *own)
-        self.splats, self.tilts = placing.splats, placing.tilts
-        self._state, self._posing, self._placed, self._to_pose = state, posing, placing, True
-        self._step, self._to_step = step, to_step
-        factors = alive(values[MASK_LOGIT]).astype(np.float32) if MASK_LOGIT in values else NO_MASKS
-        self._carrying = (*placing.own, factors, *placing.rest)
+        own = (*(values[name] for name in CARRIED), values["sh_dc"], values["sh_rest"])
+        self._placed = self._placing.of(lambda: self._begin(state, posing), pose, state.binding, *own)
+        self.splats, self.tilts = self._placed.splats, self._placed.tilts
+        self._posing, self._to_pose, self._step, self._to_step = posing, True, step, to_step
+        self._factors = alive(values[MASK_LOGIT]).astype(np.float32) if MASK_LOGIT in values else NO_MASKS
 
-    def _begin(self, state: TrainState, pose: Pose) -> Placing:
-        n, values, frames = len(state), state.values, pose.frames
+    def _begin(self, state: TrainState, posing: Posing) -> Placing:
+        n, values, pose, frames = len(state), state.values, posing.pose, posing.pose.frames
         widths = {"means": 3, "scales": 3, "quaternions": 4, "colours": 4}
         space = {name: self._buffers.space(name, n * c, np.float32).reshape(n, c) for name, c in widths.items()}
         splats = Splats(**space, opacities=self._buffers.space("opacities", n, np.float32))
+        tilts = self._buffers.space("tilts", 9 * n, np.float32).reshape(3, n, 3)
+        ranges = (
+            np.array(block_bounds(len(pose.vertices), posing_kernels.BLOCK, len(pose.vertices))),
+            np.array(block_bounds(len(frames.scale), frame_kernels.BLOCK, FACE_JOBS)),
+            np.array(block_bounds(n, BLOCK, max(n, 1))),
+        )
+        jobs = len(ranges[2]) - 1
+        left = np.full(len(ranges[1]) - 1, -1), np.empty((jobs, 4), np.float32), np.ones(jobs, bool)
+        own = tuple(values[name].reshape(-1) for name in CARRIED)
         rest = (
             state.binding, frames.rotation.reshape(-1), frames.scale, frames.origin.reshape(-1), pose.quaternions.reshape(-1),
             splats.means.reshape(-1), splats.scales.reshape(-1), splats.quaternions.reshape(-1), splats.opacities,
             splats.colours.reshape(-1),
         )  # fmt: skip
-        face_bounds = np.array(block_bounds(len(frames.scale), frame_kernels.BLOCK, FACE_JOBS))
-        bounds = np.array(block_bounds(n, BLOCK, max(n, 1)))
-        return Placing(
-            splats=splats,
-            tilts=self._buffers.space("tilts", 9 * n, np.float32).reshape(3, n, 3),
-            vertex_bounds=np.array(block_bounds(len(pose.vertices), posing_kernels.BLOCK, len(pose.vertices))),
-            face_bounds=face_bounds,
-            bounds=bounds,
-            own=tuple(values[name].reshape(-1) for name in CARRIED),
-            rest=rest,
-            faults=np.full(len(face_bounds) - 1, -1),
-            sides=np.empty((len(bounds) - 1, 4), np.float32),
-            fine=np.ones(len(bounds) - 1, bool),
-        )
+        colouring = (values["sh_dc"], values["sh_rest"], splats.means), (ALL_DEGREES, splats.colours, tilts)
+        reaching = splats.means, splats.scales, splats.opacities
+        placing = np.zeros(1, np.int64), ranges, left, (own, rest), colouring, reaching
+        return Placing(splats, tilts, *left, Packed((tuple(posing[1:]), placing)))
 
     def draw(self, camera: Camera, degree: int | None, box: Box) -> Drawing:
         """Draw what was placed.
@@ -159,26 +149,19 @@ class Drawer:
             GeometryError: in the pose to be taken a triangle has zero area or a vertex that is not finite.
             ColourError: a colour is not finite.
         """
-        splats, values, posing, placed = self.splats, self._state.values, self._posing, self._placed
+        splats, posing, placed = self.splats, self._posing, self._placed
         view, centre = self._seen_from.of(
             lambda: (view_parameters(camera, NEAR), np.asarray(camera.centre, np.float32)), camera
         )
-        colouring = (
-            values["sh_dc"], values["sh_rest"], splats.means, centre, degree or 0, ALL_DEGREES, splats.colours, self.tilts
-        )  # fmt: skip
-        placing = (
-            self._to_pose, self._carrying, colouring, degree is not None, splats.means, splats.scales, splats.opacities, view
-        )  # fmt: skip
         if degree is None:
             splats.colours[:, :3] = 0
         to_step, self._to_step = self._to_step, False  # whatever becomes of the drawing
-        turns, count, refused = new_turns(PARTS), np.zeros(1, np.int64), list[bool]()
+        turns, refused = new_turns(PARTS), list[bool]()
 
         def work(_: int, __: int) -> None:
             sound = pose_and_place(
-                turns, self._to_pose, count, posing.joints, placed.vertex_bounds, posing.blend, posing.coefficients, posing.skin,
-                placed.face_bounds, posing.corners, posing.frames, placed.faults,
-                placed.bounds, to_step, tuple(self._step), placed.sides, placed.fine, placing,
+                turns, self._to_pose, placed.fixed.table, self._factors, centre, degree or 0, degree is not None, view,
+                to_step, *self._step,
             )  # fmt: skip
             if not sound:
                 refused.append(True)

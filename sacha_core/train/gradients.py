@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -11,6 +10,7 @@ from jaxtyping import Float, Int
 from sacha_core.animation.posed import Pose
 from sacha_core.parallel.buffers import Buffers
 from sacha_core.parallel.kept import Kept
+from sacha_core.parallel.kernels.packed import Packed
 from sacha_core.parallel.kernels.turns import new_turns
 from sacha_core.parallel.pool import Pool
 from sacha_core.raster.harmonics import sh_rest_gradient
@@ -79,9 +79,7 @@ class Settling:
         seen: (n,).
         shares: (n,) of a penalty that each Gaussian has.
         penalties: (chunks, 2) of the chunks.
-        before: what `settle` wants after the range of chunks, before the gradients in the world.
-        after: what it wants after those.
-        spaces: what it works in, of each thread.
+        fixed: what `go_back` wants, of each thread.
     """
 
     by_name: dict[str, np.ndarray]
@@ -89,9 +87,7 @@ class Settling:
     seen: Int[np.ndarray, " n"]
     shares: Float[np.ndarray, " n"]
     penalties: Float[np.ndarray, "c 2"]
-    before: tuple[Any, ...]
-    after: tuple[Any, ...]
-    spaces: list[tuple[np.ndarray, np.ndarray]]
+    fixed: list[Packed]
 
 
 class GaussianGradients:
@@ -137,7 +133,6 @@ class GaussianGradients:
         self._state, self._splats, self._views = state, splats, views
         self.by_name, self.lengths, self.seen = self._settling.by_name, self._settling.lengths, self._settling.seen
         self.colours: list[ViewColours] = []
-        self._pose = pose
 
     def _prepare(self, state: TrainState, pose: Pose, splats: Splats) -> Settling:
         """Give where gradients go, and what `settle` wants."""
@@ -152,15 +147,16 @@ class GaussianGradients:
             flat(pose.vertices), flat(self._rig.faces), flat(frames.rotation), frames.scale, self._with_mesh,
             shares, self._limits, np.float32(LARGEST_GRADIENT), *map(flat, by_name.values()), flat(self._rig.g_corners), penalties,
         )  # fmt: skip
-        spaces = [
-            (
+        lengths, seen = self._space("lengths", n, 1), self._space("seen", n, 1, np.int32)
+        way, fixed = self._rig.way_back(pose), list[Packed]()
+        for worker in range(self._pool.threads):
+            space = (
                 self._buffers.space(f"scratch {worker}", SCRATCH, np.float32),
                 self._buffers.space(f"pulls {worker}", PULLS * chunks.most_faces, np.float32),
             )
-            for worker in range(self._pool.threads)
-        ]
-        lengths, seen = self._space("lengths", n, 1), self._space("seen", n, 1, np.int32)
-        return Settling(by_name, lengths, seen, shares, penalties, before, after, spaces)
+            head = way.blocks, way.skin, way.spaces[worker], way.sums, way.joints, self._rig.row
+            fixed.append(Packed((GROUPS, chunks.rows, self._sound, (before, (*after, *space)), head)))
+        return Settling(by_name, lengths, seen, shares, penalties, fixed)
 
     def add_view(
         self,
@@ -181,8 +177,7 @@ class GaussianGradients:
             width: of the whole image, pixels.
             height: likewise.
         """
-        chunks, views, slopes = self._chunks, self._views, half_way.slopes
-        view, settling, way = len(self.colours), self._settling, self._rig.way_back(self._pose)
+        views, slopes, view, settling = self._views, half_way.slopes, len(self.colours), self._settling
         cut, last = self._space(f"cut {view}", len(self._state), 3), view == views - 1
         self.colours.append(ViewColours(centre, cut))
         half_sides = np.float32(views * width / 2), np.float32(views * height / 2)  # as if there were no other view
@@ -194,14 +189,12 @@ class GaussianGradients:
         )  # fmt: skip
         own = of_slopes(slopes)
         totals = self._totals(own) if views > 1 else own
-        turns, before = new_turns(PARTS), (*settling.before, *totals, *settling.after)
+        turns = new_turns(PARTS)
 
         def work(worker: int, _: int) -> None:
             go_back(
-                turns, GROUPS, chunks.rows, len(self._state), self._sound, half_way.scratch[worker], half_way.arguments,
-                (colours, notes, own, totals, last, (*before, *settling.spaces[worker])),
-                self._with_mesh and last, way.blocks, way.skin, way.spaces[worker], way.sums, way.joints,
-                self._rig.row, LARGEST_GRADIENT,
+                turns, len(self._state), half_way.scratch[worker], half_way.arguments, colours, notes, own, totals, last,
+                settling.fixed[worker].table, self._with_mesh and last, LARGEST_GRADIENT,
             )  # fmt: skip
 
         self._pool.run(work, self._pool.threads)

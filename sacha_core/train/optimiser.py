@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from sacha_core.animation.posed import block_bounds
 from sacha_core.parallel.kept import Kept
+from sacha_core.parallel.kernels.packed import Packed
 from sacha_core.parallel.kernels.turns import new_turns
 from sacha_core.parallel.pool import Pool
 from sacha_core.train.gradients import ViewColours
@@ -69,7 +70,7 @@ class Together:
     """
 
     names: tuple[str, ...]
-    arrays: tuple[Any, ...]
+    arrays: Packed
 
 
 class GaussianStep(NamedTuple):
@@ -81,13 +82,15 @@ class GaussianStep(NamedTuple):
         degree: of the harmonics in use.
         harmonics: what `harmonics_range` wants after that.
         plain: what `step_range` wants after the rows.
+        paces: what it wants then.
     """
 
     by_rest: bool
     by_plain: bool
     degree: int
     harmonics: tuple[Any, ...]
-    plain: tuple[Any, ...]
+    plain: np.ndarray
+    paces: tuple[Any, ...]
 
 
 NO_SLOPES = Slopes({}, np.zeros((0, 3), np.float32))
@@ -124,7 +127,7 @@ class Adam:
     def take(self, state: TrainState, step: GaussianStep) -> None:
         """Take a step that was prepared for this state; no other between."""
         turns, bounds = new_turns(1), np.array(block_bounds(len(state), LANES, JOBS))
-        self._pool.run(lambda _, __: step_in_turns(turns, bounds, tuple(step)), self._pool.threads)
+        self._pool.run(lambda _, __: step_in_turns(turns, bounds, *step), self._pool.threads)
 
     def prepare(
         self, state: TrainState, rates: Mapping[str, float], slopes: Slopes | None, motion: MotionSlopes | None = None
@@ -143,8 +146,9 @@ class Adam:
         pace = Pace(state.steps["gaussians"])
         some = self._together.of(lambda: of_gaussians(of, slopes.by_name, len(state)), of, *slopes.by_name.values())
         given = tuple(rates.get(name, 0.0) for name in some.names)
-        plain = (*some.arrays, given, pace.correction, *pace.rest)
-        return GaussianStep(by_rest, by_plain, slopes.degree, self._harmonics(state, rates, slopes, pace), plain)
+        paces = (given, pace.correction, *pace.rest)
+        harmonics = self._harmonics(state, rates, slopes, pace)
+        return GaussianStep(by_rest, by_plain, slopes.degree, harmonics, some.arrays.table, paces)
 
     def _harmonics(self, state: TrainState, rates: Mapping[str, float], slopes: Slopes, pace: Pace) -> tuple[Any, ...]:
         """Give what `harmonics_range` wants after rows and degree."""
@@ -156,11 +160,11 @@ class Adam:
     def _step_motion(self, state: TrainState, of: Flat, rates: Mapping[str, float], motion: MotionSlopes) -> None:
         """Step all timesteps, of which one has gradients."""
         rows = len(state.values[FITTED_MOTION[0]])
-        widths, values, first, second, space = self._moved.of(lambda: of_motion(of, rows), of).arrays
+        moved = self._moved.of(lambda: of_motion(of, rows), of).arrays.table
         state.steps["motion"] += 1
         pace, slopes = Pace(state.steps["motion"]), tuple(motion.by_name[name] for name in FITTED_MOTION)
-        given = tuple(rates[name] for name in FITTED_MOTION), pace.correction, *pace.rest, space
-        step_one_row(motion.timestep, rows, widths, values, slopes, first, second, *given)
+        given = tuple(rates[name] for name in FITTED_MOTION)
+        step_one_row(motion.timestep, rows, moved, slopes, given, pace.correction, *pace.rest)
 
 
 def of_gaussians(of: Flat, by_name: Arrays, n: int) -> Together:
@@ -169,14 +173,14 @@ def of_gaussians(of: Flat, by_name: Arrays, n: int) -> Together:
     slopes = tuple(by_name[name].reshape(-1) if name in by_name else of[name][0] for name in names)
     widths = tuple(slope.size // max(n, 1) if name in by_name else 0 for name, slope in zip(names, slopes, strict=True))
     values, first, second = zip(*(of[name] for name in names), strict=True)
-    return Together(names, (widths, values, slopes, first, second))
+    return Together(names, Packed((widths, values, slopes, first, second)))
 
 
 def of_motion(of: Flat, rows: int) -> Together:
     """Give widths, values and both moments of the motion, and space for the gradients of one parameter."""
     values, first, second = zip(*(of[name] for name in FITTED_MOTION), strict=True)
     widths = tuple(value.size // max(rows, 1) for value in values)
-    return Together(FITTED_MOTION, (widths, values, first, second, np.zeros(rows * max(widths), np.float32)))
+    return Together(FITTED_MOTION, Packed((widths, values, first, second, np.zeros(rows * max(widths), np.float32))))
 
 
 def flat(values: Arrays, first: Arrays, second: Arrays) -> dict[str, tuple[np.ndarray, ...]]:

@@ -39,9 +39,7 @@ def spoiled_gradients(spoil: Callable[[Frame, SplatGradients], None]) -> Iterato
         yield
 
 
-def go_back_projected(
-    turns: Any, groups: Any, rows: Any, n: int, sound: Any, scratch: Any, projecting: Any, *rest: Any
-) -> None:
+def go_back_projected(turns: Any, n: int, scratch: Any, projecting: Any, *rest: Any) -> None:
     """Do what `go_back` does with gradients that are there already: what it projects itself goes elsewhere."""
     elsewhere = (*projecting[:-WRITTEN], *map(np.empty_like, projecting[-WRITTEN:]))
-    go_back(turns, groups, rows, n, sound, scratch, elsewhere, *rest)
+    go_back(turns, n, scratch, elsewhere, *rest)

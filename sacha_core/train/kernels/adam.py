@@ -20,6 +20,7 @@ from sacha_core.parallel.kernels.lanes import (
     store_first,
     zeros,
 )
+from sacha_core.parallel.kernels.packed import unpacked
 from sacha_core.parallel.kernels.turns import take_turn
 from sacha_core.raster.kernels.harmonics import NUMBERS, rest_gradients
 
@@ -99,10 +100,12 @@ def step_range(
 
 
 @kernel
-def step_one_row(
-    row, rows, widths, values, slopes, means, squares, rates, correction, beta1, beta2, rest1, rest2, epsilon, square_correction, gradient
-):  # fmt: skip
-    """Step all `rows` of several arrays, of which one has gradients, `slopes`; `gradient` holds zeros, and will again."""
+def step_one_row(row, rows, packed, slopes, rates, correction, beta1, beta2, rest1, rest2, epsilon, square_correction):
+    """Step all `rows` of several arrays, of which one has gradients, `slopes`.
+
+    Widths, values, both moments, and zeros for the gradients of any array, are `packed`.
+    """
+    widths, values, means, squares, gradient = unpacked(packed)
     for k in range(len(widths)):
         value, mean, square, rate, own, width = (
             values[k],
@@ -166,22 +169,27 @@ def harmonics_range(
 
 
 @kernel
-def step_in_turns(turns, bounds, stepping):
+def step_in_turns(turns, bounds, by_rest, by_plain, degree, harmonics, plain, paces):
     """Take a step with the Gaussians, range after range.
 
     Args:
         turns: one row of `turns.new_turns`.
         bounds: (a + 1,) of the ranges, jobs of threads.
-        stepping: what `step_gaussians` wants after a range.
+        by_rest: what `step_gaussians` wants after a range, as are the others.
+        by_plain: see there.
+        degree: see there.
+        harmonics: see there.
+        plain: see there.
+        paces: see there.
     """
     job = take_turn(turns)
     while job < len(bounds) - 1:
-        step_gaussians(bounds[job], bounds[job + 1], *stepping)
+        step_gaussians(bounds[job], bounds[job + 1], by_rest, by_plain, degree, harmonics, plain, paces)
         job = take_turn(turns)
 
 
 @kernel
-def step_gaussians(start, stop, by_rest, by_plain, degree, harmonics, plain):
+def step_gaussians(start, stop, by_rest, by_plain, degree, harmonics, plain, paces):
     """Step the Gaussians `start` to `stop`.
 
     Args:
@@ -191,9 +199,10 @@ def step_gaussians(start, stop, by_rest, by_plain, degree, harmonics, plain):
         by_plain: whether any other attribute has.
         degree: of the harmonics in use.
         harmonics: what `harmonics_range` wants after that.
-        plain: what `step_range` wants after the rows.
+        plain: packed, what `step_range` wants after the rows.
+        paces: what it wants then.
     """
     if by_rest:
         harmonics_range(start, stop, degree, *harmonics)
     if by_plain:
-        step_range(start, stop, *plain)
+        step_range(start, stop, *unpacked(plain), *paces)

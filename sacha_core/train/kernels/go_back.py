@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from sacha_core.parallel.kernels.kernel import kernel
 from sacha_core.parallel.kernels.lanes import LANES
+from sacha_core.parallel.kernels.packed import unpacked
 from sacha_core.parallel.kernels.turns import finish_turn, take_turn, wait_for_turns
 from sacha_core.raster.kernels.project_backward import project_backward
 from sacha_core.train.kernels.pose_backward import pose_backward, vertices_backward
@@ -13,29 +14,29 @@ PARTS = 4  # each needs all of the one before: blocks that ranges share, ranges 
 
 
 @kernel
-def go_back(
-    turns, groups, rows_of, n, sound, scratch, projecting, view, with_mesh, blocks, skin, space, sums, joints, slopes, largest
-):  # fmt: skip
+def go_back(turns, n, scratch, projecting, colours, notes, own, totals, last, fixed, with_mesh, largest):
     """Take a view's gradients; with the last view, settle them, and go on to the pose where it is wanted.
 
     Args:
         turns: (PARTS, ...) of `turns.new_turns`.
-        groups: (g + 1,) bounds of ranges of chunks, jobs of the second part.
-        rows_of: (chunks + 1,) first Gaussian of each chunk.
         n: how many Gaussians there are.
-        sound: (g + 1,) bool out: whether all gradients of a range are; last, whether those of the pose are.
         scratch: of this thread, that `project_backward` works in.
         projecting: what it wants after that.
-        view: what `take_view` wants after that.
+        colours: what `take_view` wants after that, as are the next three.
+        notes: see there.
+        own: see there.
+        totals: see there.
+        last: whether no other view follows.
+        fixed: packed, for this thread: (g + 1,) bounds of ranges of chunks, jobs of the second part; (chunks + 1,) first Gaussian of each
+            chunk; (g + 1,) bool out, whether all gradients of a range are sound and, last, whether those of the pose are; what `settle`
+            wants after the chunks before and after the gradients in the world; and of the head: the number of blocks of vertices,
+            jobs of the third part, what `vertices_backward` wants after them, a space that it works in, the sums of each block that it
+            leaves, what `pose_backward` wants after those, and float64, where it leaves the gradients by the pose.
         with_mesh: whether gradients go on to the pose; only with the last view.
-        blocks: of vertices, jobs of the third part.
-        skin: what `vertices_backward` wants after the blocks.
-        space: of this thread, that it works in.
-        sums: (blocks, ...) that it leaves.
-        joints: what `pose_backward` wants after those.
-        slopes: float64, where it leaves the gradients by the pose.
         largest: that a gradient may be.
     """
+    groups, rows_of, sound, (before, after), (blocks, skin, space, sums, joints, slopes) = unpacked(fixed)
+    settling = before + totals + after
     if take_turn(turns[0]) == 0:
         for group in range(1, len(groups) - 1):
             row = rows_of[groups[group]]
@@ -46,7 +47,9 @@ def go_back(
     wait_for_turns(turns[0], 1)
     job = take_turn(turns[1])
     while job < len(groups) - 1:
-        sound[job] = take_view(groups[job], groups[job + 1], rows_of, n, scratch, projecting, *view)
+        sound[job] = take_view(
+            groups[job], groups[job + 1], rows_of, n, scratch, projecting, colours, notes, own, totals, last, settling
+        )
         finish_turn(turns[1])
         job = take_turn(turns[1])
     if with_mesh:

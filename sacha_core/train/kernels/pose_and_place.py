@@ -8,6 +8,7 @@ from __future__ import annotations
 from sacha_core.animation.kernels.frames import triangle_frames
 from sacha_core.animation.kernels.posing import pose_joints, pose_vertices
 from sacha_core.parallel.kernels.kernel import kernel
+from sacha_core.parallel.kernels.packed import unpacked
 from sacha_core.parallel.kernels.turns import finish_turn, take_turn, wait_for_turns
 from sacha_core.train.kernels.adam import step_gaussians
 from sacha_core.train.kernels.place import place
@@ -17,34 +18,40 @@ PARTS = 4  # each needs all of the one before: joints, blocks of vertices, range
 
 @kernel
 def pose_and_place(
-    turns, to_pose, count, joints, vertex_bounds, blend, coefficients, skin, face_bounds, corners, frames, faults,
-    bounds, to_step, stepping, sides, fine, placing,
+    turns, to_pose, fixed, factors, centre, degree, to_colour, view, to_step, by_rest, by_plain, step_degree, harmonics, plain, paces
 ):  # fmt: skip
     """Pose a head unless it is posed; then let its Gaussians step where they have to and, if no triangle is degenerate, place them.
 
     Args:
         turns: (PARTS, ...) of `turns.new_turns`.
         to_pose: whether the head is not posed yet.
-        count: (1,) int64 space.
-        joints: what `pose_joints` wants, but its last two.
-        vertex_bounds: (a + 1,) bounds of ranges of vertices, jobs of the second part.
-        blend: what `pose_vertices` wants after a range: the template, directions and what they move.
-        coefficients: what it wants then, and `pose_joints` last: two spaces.
-        skin: what it wants after their number.
-        face_bounds: (b + 1,) bounds of ranges of triangles, jobs of the third part.
-        corners: what `triangle_frames` wants after a range: vertices, faces and limits.
-        frames: where it writes.
-        faults: (b,) int64 out: the first degenerate triangle of each range, or -1.
-        bounds: (c + 1,) bounds of ranges of Gaussians, jobs of the last part.
+        fixed: packed, of the head: what `pose_joints` wants, but its last two; what `pose_vertices` wants after a range (the template,
+            directions and what they move), then (two spaces, which `pose_joints` wants last), and after the number that that gives;
+            what `triangle_frames` wants after a range (vertices, faces and limits), and where it writes. And of its Gaussians: (1,)
+            int64 space; bounds of the ranges of vertices, of triangles and of Gaussians that are jobs of the last three parts; what
+            these leave: of each range the first degenerate triangle, or -1, the box that its Gaussians reach, and whether all their
+            colours can be drawn; what `carry_splats` wants before and after the factors of opacities; what `harmonic_colours` wants
+            before and after centre and degree; and means, scales and opacities.
+        factors: of opacities, or none.
+        centre: (3,) of the camera.
+        degree: of the harmonics in use.
+        to_colour: whether Gaussians are coloured at all.
+        view: parameters of the camera.
         to_step: whether Gaussians step first.
-        stepping: what `step_gaussians` wants after a range.
-        sides: (c, 4) float32 out: the box that each range reaches, see `place`.
-        fine: (c,) bool out: whether all its colours can be drawn.
-        placing: what `place` wants after a range.
+        by_rest: what `step_gaussians` wants after a range, as are the others.
+        by_plain: see there.
+        step_degree: see there.
+        harmonics: see there.
+        plain: see there.
+        paces: see there.
 
     Returns:
         Whether no triangle is degenerate.
     """
+    posing, placing = unpacked(fixed)
+    joints, blend, coefficients, skin, corners, frames = posing
+    count, (vertex_bounds, face_bounds, bounds), (faults, sides, fine), (own, rest), (before, after), reaching = placing
+    carrying, colouring = own + (factors,) + rest, before + (centre, degree) + after  # noqa: RUF005 (Numba wants it so)
     sound = True
     if to_pose:
         if take_turn(turns[0]) == 0:
@@ -68,9 +75,11 @@ def pose_and_place(
     job = take_turn(turns[3])
     while job < len(bounds) - 1:
         if to_step:
-            step_gaussians(bounds[job], bounds[job + 1], *stepping)
+            step_gaussians(bounds[job], bounds[job + 1], by_rest, by_plain, step_degree, harmonics, plain, paces)
         if sound:
-            sides[job], fine[job] = place(bounds[job], bounds[job + 1], *placing)
+            sides[job], fine[job] = place(
+                bounds[job], bounds[job + 1], to_pose, carrying, colouring, to_colour, *reaching, view
+            )
         job = take_turn(turns[3])
     return sound
 
