@@ -48,6 +48,7 @@ class Posing(NamedTuple):
 
     Args:
         pose: where the result goes; holds until the next.
+        parameters: what it is taken from: expression, axis-angle vectors of the joints, translation.
         joints: what `pose_joints` wants, but its last two.
         blend: what `pose_vertices` wants after a range of vertices.
         coefficients: what it wants then, and `pose_joints` last; `pose_joints` gives how many there are, which comes next.
@@ -57,6 +58,7 @@ class Posing(NamedTuple):
     """
 
     pose: Pose
+    parameters: tuple[np.ndarray, ...]
     joints: tuple[Any, ...]
     blend: tuple[np.ndarray, ...]
     coefficients: tuple[np.ndarray, ...]
@@ -81,6 +83,7 @@ class PosedHead:
         poser: what does not change from pose to pose: template, joints, directions, weights.
         faces: (f, 3) int32, vertex indices of the triangles.
         moves: (blocks, k) whether a direction moves any vertex of a block of `kernels.posing.BLOCK`.
+        posing: what kernels want that take a pose instead of `pose`; `refuse_first` then says what is wrong with it.
 
     Raises:
         HeadError: the motion has components or vertex offsets that the head lacks.
@@ -114,7 +117,7 @@ class PosedHead:
         self._vertex_bounds = block_bounds(v, posing_kernels.BLOCK, self._pool.threads)
         self._face_bounds = block_bounds(f, frame_kernels.BLOCK, self._pool.threads)
         self._expression, self._translation = np.zeros(self.poser.joint_directions.shape[2], dtype), np.zeros(3, dtype)
-        self._posing = self._make_posing()
+        self.posing = self._make_posing()
 
     def pose(
         self,
@@ -136,7 +139,10 @@ class PosedHead:
         Raises:
             GeometryError: a triangle has zero area or a vertex that is not finite; the message names the first such triangle.
         """
-        posing = self.prepare(expression, vectors, translation)
+        posing, active = self.posing, expression[: len(self._expression)]
+        self._expression[: len(active)], self._expression[len(active) :] = active, 0
+        self._pose.vectors[:] = vectors[: len(self._pose.vectors)]
+        self._translation[:] = translation
         count = posing_kernels.pose_joints(*posing.joints, *posing.coefficients)
         bounds = self._vertex_bounds
 
@@ -149,27 +155,12 @@ class PosedHead:
         self._find_frames(posing)
         return posing.pose
 
-    def prepare(
-        self,
-        expression: Float[np.ndarray, " e"],
-        vectors: Float[np.ndarray, "5 3"],
-        translation: Float[np.ndarray, "3"],
-    ) -> Posing:
-        """Give what kernels want that take this pose instead of `pose`; it is the same each time.
-
-        `refuse_first` then says what is wrong with it.
-        """
-        active = expression[: len(self._expression)]
-        self._expression[: len(active)], self._expression[len(active) :] = active, 0
-        self._pose.vectors[:] = vectors[: len(self._pose.vectors)]
-        self._translation[:] = translation
-        return self._posing
-
     def _make_posing(self) -> Posing:
-        """Give what kernels want, where `prepare` puts what changes from pose to pose."""
+        """Give what kernels want, whose arrays stay."""
         pose, poser, frames = self._pose, self.poser, self._pose.frames
         return Posing(
             pose=pose,
+            parameters=(self._expression, pose.vectors, self._translation),
             joints=(
                 self._expression, pose.vectors, poser.joints, poser.joint_directions, poser.parents, poser.has_correctives,
                 pose.joints, pose.rotations, pose.transforms,

@@ -162,10 +162,9 @@ class CpuEngine:
     def _find_gradients(self, targets: Sequence[Target], losses: dict[str, float]) -> tuple[str, int] | None:
         """Leave the gradients of the mean loss and the parts of that; give the parameter and the row of a fault."""
         state, timestep, gradients = self._state, self._timestep, self._gradients
-        row = self._row(timestep)
-        posing = self._rig.prepare(row)
+        posing = self._rig.posing
         step, self._step = self._step, None
-        self._drawer.place(state, posing, step or self._adam.prepare(state, {}, None), step is not None)
+        self._drawer.place(state, timestep, posing, step or self._adam.prepare(state, {}, None), step is not None)
         gradients.begin(state, posing.pose, self._drawer.splats, len(targets))
         for target in targets:
             try:
@@ -189,7 +188,7 @@ class CpuEngine:
             losses["mask"] = self._find_mask_gradient(state.values[MASK_LOGIT])
             losses["total"] += losses["mask"]
         if self._fine_tune:
-            self._motion = self._rig.slopes(row)
+            self._motion = self._rig.slopes(self._row(timestep))
         return self._cause(losses["total"])
 
     def _find_mask_gradient(self, mask_logit: Float[np.ndarray, " n"]) -> float:

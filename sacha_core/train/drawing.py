@@ -27,7 +27,7 @@ from sacha_core.train.kernels.place import BLOCK
 from sacha_core.train.kernels.pose_and_place import PARTS, enclosed, pose_and_place
 from sacha_core.train.masks import alive
 from sacha_core.train.optimiser import GaussianStep
-from sacha_core.train.state import MASK_LOGIT, TrainState
+from sacha_core.train.state import FITTED_MOTION, MASK_LOGIT, TrainState
 from sacha_core.train.views import Box
 
 __all__ = ["Drawer", "Drawing"]
@@ -97,20 +97,21 @@ class Drawer:
         self._placing: Kept[Placing] = Kept()
         self._seen_from: KeptOfEach[tuple[np.ndarray, np.ndarray]] = KeptOfEach(CAMERAS)
 
-    def place(self, state: TrainState, posing: Posing, step: GaussianStep, to_step: bool) -> None:
+    def place(self, state: TrainState, timestep: int, posing: Posing, step: GaussianStep, to_step: bool) -> None:
         """Let the next `draw` take a pose first, and carry the Gaussians along with the head.
 
         Args:
             state: whose Gaussians; without masks if there is a step to take.
+            timestep: whose pose.
             posing: of the head.
             step: that the Gaussians take before, or one of the same state that they do not.
             to_step: whether they do.
         """
         values, pose = state.values, posing.pose
-        own = (*(values[name] for name in CARRIED), values["sh_dc"], values["sh_rest"])
+        own = tuple(values[name] for name in (*CARRIED, "sh_dc", "sh_rest", *FITTED_MOTION))
         self._placed = self._placing.of(lambda: self._begin(state, posing), pose, state.binding, *own)
         self.splats, self.tilts = self._placed.splats, self._placed.tilts
-        self._posing, self._to_pose, self._step, self._to_step = posing, True, step, to_step
+        self._timestep, self._posing, self._to_pose, self._step, self._to_step = timestep, posing, True, step, to_step
         self._factors = alive(values[MASK_LOGIT]).astype(np.float32) if MASK_LOGIT in values else NO_MASKS
 
     def _begin(self, state: TrainState, posing: Posing) -> Placing:
@@ -135,7 +136,8 @@ class Drawer:
         colouring = (values["sh_dc"], values["sh_rest"], splats.means), (ALL_DEGREES, splats.colours, tilts)
         reaching = splats.means, splats.scales, splats.opacities
         placing = np.zeros(1, np.int64), ranges, left, (own, rest), colouring, reaching
-        return Placing(splats, tilts, *left, Packed((tuple(posing[1:]), placing)))
+        parameters = tuple(values[name] for name in FITTED_MOTION), *posing.parameters
+        return Placing(splats, tilts, *left, Packed(((parameters, *posing[2:]), placing)))
 
     def draw(self, camera: Camera, degree: int | None, box: Box) -> Drawing:
         """Draw what was placed.
@@ -160,7 +162,7 @@ class Drawer:
 
         def work(_: int, __: int) -> None:
             sound = pose_and_place(
-                turns, self._to_pose, placed.fixed.table, self._factors, centre, degree or 0, degree is not None, view,
+                turns, self._to_pose, self._timestep, placed.fixed.table, self._factors, centre, degree or 0, degree is not None, view,
                 to_step, *self._step,
             )  # fmt: skip
             if not sound:

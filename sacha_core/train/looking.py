@@ -15,7 +15,7 @@ from sacha_core.raster.splats import ColourError
 from sacha_core.train.drawing import Drawer, Drawing
 from sacha_core.train.optimiser import Adam
 from sacha_core.train.rig import Rig
-from sacha_core.train.state import FITTED_MOTION, TrainState
+from sacha_core.train.state import TrainState
 from sacha_core.train.views import Target
 
 __all__ = ["Looker"]
@@ -63,8 +63,8 @@ class Looker:
         self, state: TrainState, targets: Sequence[Target], degree: int | None
     ) -> Iterator[tuple[Target, Drawing]]:
         """Draw each view that can be drawn; the drawing holds until the next."""
-        row = {name: state.values[name][targets[0].timestep] for name in FITTED_MOTION}
-        self._drawer.place(state, self._rig.prepare(row), self._adam.prepare(state, {}, None), to_step=False)
+        stay = self._adam.prepare(state, {}, None)
+        self._drawer.place(state, targets[0].timestep, self._rig.posing, stay, to_step=False)
         for target in targets:
             try:
                 drawing = self._drawer.draw(target.camera, degree, target.box)

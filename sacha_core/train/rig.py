@@ -100,9 +100,10 @@ class Rig:
         """
         return self._posed.pose(*in_order(parameters))
 
-    def prepare(self, parameters: Mapping[str, Float[np.ndarray, " p"]]) -> Posing:
-        """Give what kernels want that take a pose; else as `pose`."""
-        return self._posed.prepare(*in_order(parameters))
+    @property
+    def posing(self) -> Posing:
+        """What kernels want that take a pose instead of `pose`, the same for all."""
+        return self._posed.posing
 
     def way_back(self, pose: Pose) -> WayBack:
         """Give what kernels want that go back to the parameters of the last pose; `slopes` then gives what they found."""

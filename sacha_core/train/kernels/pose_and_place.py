@@ -13,25 +13,51 @@ from sacha_core.parallel.kernels.turns import finish_turn, take_turn, wait_for_t
 from sacha_core.train.kernels.adam import step_gaussians
 from sacha_core.train.kernels.place import place
 
-PARTS = 4  # each needs all of the one before: joints, blocks of vertices, ranges of triangles, ranges of Gaussians
+PARTS = 4  # each needs all of the one before: parameters and joints, blocks of vertices, ranges of triangles, ranges of Gaussians
+
+
+@kernel
+def take_parameters(timestep, motion, expression, vectors, translation):
+    """Copy the parameters of a timestep to where a head's pose is taken from, as far as the head has what they move.
+
+    Args:
+        timestep: row.
+        motion: rotation (t, 3), neck (t, 3), jaw (t, 3), eyes (t, 6), translation (t, 3) and expression (t, e).
+        expression: (k,) out, zero where there are fewer.
+        vectors: (j, 3) out: root, neck, jaw and both eyes.
+        translation: (3,) out.
+    """
+    rotation, neck, jaw, eyes, place, weights = motion
+    for j in range(min(len(vectors), 5)):
+        for c in range(3):
+            if j < 3:
+                vectors[j, c] = (rotation if j == 0 else neck if j == 1 else jaw)[timestep, c]
+            else:
+                vectors[j, c] = eyes[timestep, 3 * (j - 3) + c]
+    for c in range(3):
+        translation[c] = place[timestep, c]
+    for e in range(len(expression)):
+        expression[e] = weights[timestep, e] if e < weights.shape[1] else 0
 
 
 @kernel
 def pose_and_place(
-    turns, to_pose, fixed, factors, centre, degree, to_colour, view, to_step, by_rest, by_plain, step_degree, harmonics, plain, paces
+    turns, to_pose, timestep, fixed, factors, centre, degree, to_colour, view, to_step,
+    by_rest, by_plain, step_degree, harmonics, plain, paces,
 ):  # fmt: skip
     """Pose a head unless it is posed; then let its Gaussians step where they have to and, if no triangle is degenerate, place them.
 
     Args:
         turns: (PARTS, ...) of `turns.new_turns`.
         to_pose: whether the head is not posed yet.
-        fixed: packed, of the head: what `pose_joints` wants, but its last two; what `pose_vertices` wants after a range (the template,
-            directions and what they move), then (two spaces, which `pose_joints` wants last), and after the number that that gives;
-            what `triangle_frames` wants after a range (vertices, faces and limits), and where it writes. And of its Gaussians: (1,)
-            int64 space; bounds of the ranges of vertices, of triangles and of Gaussians that are jobs of the last three parts; what
-            these leave: of each range the first degenerate triangle, or -1, the box that its Gaussians reach, and whether all their
-            colours can be drawn; what `carry_splats` wants before and after the factors of opacities; what `harmonic_colours` wants
-            before and after centre and degree; and means, scales and opacities.
+        timestep: whose pose it takes.
+        fixed: packed, of the head: what `take_parameters` wants after a timestep; what `pose_joints` wants, but its last two; what
+            `pose_vertices` wants after a range (the template, directions and what they move), then (two spaces, which `pose_joints`
+            wants last), and after the number that that gives; what `triangle_frames` wants after a range (vertices, faces and limits),
+            and where it writes. And of its Gaussians: (1,) int64 space; bounds of the ranges of vertices, of triangles and of Gaussians
+            that are jobs of the last three parts; what these leave: of each range the first degenerate triangle, or -1, the box that
+            its Gaussians reach, and whether all their colours can be drawn; what `carry_splats` wants before and after the factors of
+            opacities; what `harmonic_colours` wants before and after centre and degree; and means, scales and opacities.
         factors: of opacities, or none.
         centre: (3,) of the camera.
         degree: of the harmonics in use.
@@ -49,12 +75,13 @@ def pose_and_place(
         Whether no triangle is degenerate.
     """
     posing, placing = unpacked(fixed)
-    joints, blend, coefficients, skin, corners, frames = posing
+    parameters, joints, blend, coefficients, skin, corners, frames = posing
     count, (vertex_bounds, face_bounds, bounds), (faults, sides, fine), (own, rest), (before, after), reaching = placing
     carrying, colouring = own + (factors,) + rest, before + (centre, degree) + after  # noqa: RUF005 (Numba wants it so)
     sound = True
     if to_pose:
         if take_turn(turns[0]) == 0:
+            take_parameters(timestep, *parameters)
             count[0] = pose_joints(*joints, *coefficients)
             finish_turn(turns[0])
         wait_for_turns(turns[0], 1)
