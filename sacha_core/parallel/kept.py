@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import is_
 from typing import Generic, TypeVar
 
 __all__ = ["Kept", "KeptOfEach"]
@@ -17,16 +18,15 @@ class Kept(Generic[Made]):
     """
 
     def __init__(self) -> None:
-        self._identities: tuple[int, ...] | None = None
-        self._sources: tuple[object, ...] = ()
+        self._sources: tuple[object, ...] | None = None
         self._made: Made
 
     def of(self, make: Callable[[], Made], *sources: object) -> Made:
         """Give what `make` gave when these very sources were given last, or gives now."""
-        identities = tuple(map(id, sources))
-        if identities != self._identities:
+        known = self._sources
+        if known is None or len(known) != len(sources) or not all(map(is_, known, sources)):
             self._made = make()
-            self._sources, self._identities = sources, identities
+            self._sources = sources
         return self._made
 
 
