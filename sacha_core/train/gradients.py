@@ -78,7 +78,6 @@ class Settling:
         lengths: (n,).
         seen: (n,).
         shares: (n,) of a penalty that each Gaussian has.
-        penalties: (chunks, 2) of the chunks.
         fixed: what `go_back` wants, of each thread.
     """
 
@@ -86,7 +85,6 @@ class Settling:
     lengths: Float[np.ndarray, " n"]
     seen: Int[np.ndarray, " n"]
     shares: Float[np.ndarray, " n"]
-    penalties: Float[np.ndarray, "c 2"]
     fixed: list[Packed]
 
 
@@ -111,10 +109,10 @@ class GaussianGradients:
         self._rig, self._pool, self._with_mesh = rig, pool, with_mesh
         self._limits = np.array([losses.position_limit, losses.scale_limit, losses.position, losses.scale], np.float32)
         self._buffers = Buffers()
-        self._sound = np.ones(len(GROUPS), bool)
+        self._sound, self._found = np.ones(len(GROUPS), bool), np.zeros(3)
         self._chunked: Kept[Chunks] = Kept()
         self._settled: Kept[Settling] = Kept()
-        self.penalties = (0.0, 0.0)
+        self.penalties, self._all_sound = (0.0, 0.0), True
 
     def begin(self, state: TrainState, pose: Pose, splats: Splats, views: int) -> None:
         """Begin a step.
@@ -155,8 +153,10 @@ class GaussianGradients:
                 self._buffers.space(f"pulls {worker}", PULLS * chunks.most_faces, np.float32),
             )
             head = way.blocks, way.skin, way.spaces[worker], way.sums, way.joints, self._rig.row
-            fixed.append(Packed((GROUPS, chunks.rows, self._sound, (before, (*after, *space)), head)))
-        return Settling(by_name, lengths, seen, shares, penalties, fixed)
+            fixed.append(
+                Packed((GROUPS, chunks.rows, self._sound, penalties, self._found, (before, (*after, *space)), head))
+            )
+        return Settling(by_name, lengths, seen, shares, fixed)
 
     def add_view(
         self,
@@ -199,12 +199,12 @@ class GaussianGradients:
 
         self._pool.run(work, self._pool.threads)
         if last:
-            strayed, swollen = np.add.reduce(settling.penalties).tolist()
-            self.penalties = strayed, swollen
+            strayed, swollen, sound = self._found.tolist()
+            self.penalties, self._all_sound = (strayed, swollen), bool(sound)
 
     def sound(self) -> bool:
         """Tell whether all gradients are finite and small enough to go on with, those by the pose among them."""
-        return bool(self._sound.all())
+        return self._all_sound
 
     def fault(self) -> tuple[str, int] | None:
         """Give the attribute and the row of the first gradient of a Gaussian that is not; None if all are sound."""
