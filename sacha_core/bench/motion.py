@@ -99,7 +99,7 @@ def row(way: str, level: Level, motion: Motion, back: Motion, n_bytes: int, enco
     """Give a row of the table."""
     n = len(motion)
     return {
-        "table": "levels", "way": way, "level": level.number, "frames": n, "frame_bytes": n_bytes / n,
+        "table": "levels", "way": way, "level": round(level.number), "frames": n, "frame_bytes": n_bytes / n,
         "error_mm": vertex_error_mm(motion, back), "encode_ms": MS * encode_s / n, "decode_ms": MS * decode_s / n,
     }  # fmt: skip
 

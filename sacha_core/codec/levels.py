@@ -25,7 +25,7 @@ class Level:
     """Quantisation of everything.
 
     Args:
-        number: 1 to 4, the nearest of the four: information only.
+        number: what files say of it, to hundredths: information only.
         quality: the real number that the level was made from.
         opacity_steps: steps from transparent to opaque, uniform in arcsin(sqrt(opacity)).
         exponents: added to the base exponent of each of `ATTRIBUTES`, eighths of an octave.
@@ -40,7 +40,7 @@ class Level:
         offset_step: of personal vertex offsets, metres.
     """
 
-    number: int
+    number: float
     quality: float
     opacity_steps: int
     exponents: tuple[int, ...]
@@ -104,7 +104,7 @@ def level_at(quality: float) -> Level:
         max(quality, 1.0), float(len(ANCHORS))
     )  # a motion never becomes coarser or finer than at the four levels
     return Level(
-        number=min(max(round(quality), 1), len(ANCHORS)),
+        number=round(quality, 2),
         quality=quality,
         opacity_steps=round(between(quality, "opacity_steps")),
         exponents=exponents,

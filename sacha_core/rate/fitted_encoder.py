@@ -32,7 +32,7 @@ class FittedEncoder:
         remaining: moves what is not coded yet.
         rows: (m,) which Gaussians of the whole avatar they were.
         quality: of the level that they were fitted for.
-        number: that files name as their level, of 1 to 4; None for the nearest.
+        number: that files name as their level; None for its own.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class FittedEncoder:
         remaining: Remaining,
         rows: Int[np.ndarray, " m"],
         quality: float,
-        number: int | None = None,
+        number: float | None = None,
     ) -> None:
         self._avatar, self.head, self._embed = avatar, head, embed_head
         self._importance, self._remaining, self._rows = importance, remaining, rows

@@ -140,7 +140,7 @@ class Tuner:
             return plain
         return replace(found, n_trials=plain.n_trials + found.n_trials)
 
-    def _fitted(self, plain: Encoded, goal: Goal, number: int | None = None) -> FittedEncoder:
+    def _fitted(self, plain: Encoded, goal: Goal, number: float | None = None) -> FittedEncoder:
         """Leave out what others make up for, and fit these."""
         avatar, head = self._avatar, self._head
         there = replace(avatar, gaussians=avatar.gaussians.select(np.sort(plain.rows)))
