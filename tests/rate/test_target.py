@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.binding import initial_gaussians
-from sacha_core.codec import decode, encode
+from sacha_core.codec import decode, encode, inspect
 from sacha_core.codec.levels import MAX_QUALITY, MIN_QUALITY, level_at
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
@@ -79,10 +79,11 @@ def test_a_size_is_kept_and_a_better_file_would_not_fit(avatar: Avatar, head: He
     found = encode_to_size(encoder, wanted)
     assert 0.93 * wanted <= len(found.encoded.data) <= wanted
     assert len(decode(found.encoded.data, head=head).gaussians) == len(found.encoded.rows)
+    assert inspect(found.encoded.data).level == round(found.encoded.level.quality, 2)
     with pytest.raises(OptionError, match=r"300 bytes is out of reach; the smallest of this avatar takes [0-9,]+$"):
         encode_to_size(encoder, 300)
     roomy = encode_to_size(encoder, 10**7)
-    assert roomy.encoded.level.quality == MAX_QUALITY
+    assert roomy.encoded.level.quality == inspect(roomy.encoded.data).level == MAX_QUALITY
 
 
 def test_a_quality_is_reached_and_not_by_much_more(avatar: Avatar, head: HeadModel) -> None:
