@@ -33,7 +33,7 @@ class Options:
     """The file."""
 
     ply: FileOption = None
-    """Write the Gaussians here, local to the triangles that `binding_0` names."""
+    """Write the Gaussians here, local to the triangles that `binding_0` names, with harmonics of the degree that they have."""
 
     motion: Annotated[MaybePath, tyro.conf.arg(aliases=["--flame-param"], metavar="FILE", help_behavior_hint="")] = None
     """Write the motion here, as GaussianAvatars' flame_param.npz."""
@@ -69,7 +69,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         + (f"{len(avatar.motion)} frames" if avatar.motion else "no motion")
     )
     if options.ply is not None:
-        write_bound_ply(options.ply, avatar.gaussians)
+        write_bound_ply(options.ply, avatar.gaussians, avatar.gaussians.sh_degree)
         console.wrote("gaussians", options.ply, kilobytes(options.ply.stat().st_size))
     if options.motion is not None and avatar.motion is not None:
         write_flame_param(options.motion, avatar.motion)

@@ -82,7 +82,7 @@ def write_pruned(options: Options, opened: Opened, pruned: Pruned) -> int | None
         with write_aside(options.output) as aside:
             aside.write_bytes(pruned.data)
     elif options.output.suffix.lower() == ".ply":
-        write_bound_ply(options.output, pruned.gaussians)
+        write_bound_ply(options.output, pruned.gaussians, pruned.gaussians.sh_degree)
     else:
         write_folder(options, opened, pruned.gaussians)
         return None

@@ -91,6 +91,15 @@ def test_an_archive_keeps_every_bit_of_what_stays(done, avatar: Path, tmp_path: 
     kept, archived = read_bound_ply(tmp_path / "b.ply"), decode(tmp_path / "b.sacha").gaussians
     assert np.array_equal(kept.position, archived.position)
     assert np.array_equal(kept.binding, archived.binding)
+    assert np.array_equal(kept.sh_rest, archived.sh_rest)
+
+
+def test_a_ply_stays_of_its_degree(done, avatar: Path, tmp_path: Path) -> None:
+    flat = tmp_path / "flat.ply"
+    gaussians = read_bound_ply(avatar)
+    write_bound_ply(flat, replace(gaussians, sh_rest=gaussians.sh_rest[:, :0]), 0)
+    done("prune", flat, *HEAD, *FEW, "--keep", 0.5, "-o", tmp_path / "b.ply")
+    assert read_bound_ply(tmp_path / "b.ply").sh_degree == 0
 
 
 def test_painted_triangles_and_regions_of_ones_own_keep_more(done, avatar: Path, tmp_path: Path) -> None:
