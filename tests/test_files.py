@@ -64,6 +64,32 @@ def test_a_link_stays_one(tmp_path: Path) -> None:
         assert (tmp_path / "there" / "a.txt").read_text() == text
 
 
+@pytest.mark.skipif(os.name != "posix", reason="permissions are otherwise here")
+@pytest.mark.parametrize("umask", [0o000, 0o022, 0o027, 0o077])
+def test_a_new_file_has_the_permissions_of_any_other_that_is_made(tmp_path: Path, umask: int) -> None:
+    """Oracle: a file that Python itself makes."""
+    before = os.umask(umask)
+    try:
+        (tmp_path / "other.txt").write_text("new")
+        write(tmp_path / "a.txt")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "a.txt").stat().st_mode == (tmp_path / "other.txt").stat().st_mode
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions are otherwise here")
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o664, 0o444, 0o755])
+def test_a_file_that_replaces_another_keeps_its_permissions(tmp_path: Path, mode: int) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    path.chmod(mode)
+    with write_aside(path) as aside:
+        assert aside.stat().st_mode & 0o777 == 0o600
+        aside.write_text("new")
+    assert path.stat().st_mode & 0o777 == mode
+    assert path.read_text() == "new"
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes here")
 def test_a_pipe_is_sent_the_bytes_and_stays_one(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
