@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from sacha_core.evaluate.ablation.plan import Judging, PlannedRun
     from sacha_core.evaluate.executors.jobs import Executor
 
-__all__ = ["Options", "run"]
+__all__ = ["OUTPUT_FOLDERS", "Options", "run"]
+
+OUTPUT_FOLDERS = ("output",)
 
 VARIANTS = ("default", "rad", "rad-gp-lgs", "rad-gp-pis", "default-gp-pis", "paper", "sacha")
 QUICK_VARIANTS = ("default", "rad-gp-pis", "sacha")

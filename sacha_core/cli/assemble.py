@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     from sacha_core.flame.model import HeadModel
     from sacha_core.interchange.footage import Footage
 
-__all__ = ["INPUTS", "Options", "run"]
+__all__ = ["INPUTS", "OUTPUT_FOLDERS", "Options", "run"]
 
 INPUTS = ("footage", "source")
+OUTPUT_FOLDERS = ("output",)
 HEAD_FILE = "head.npz"
 TAG = "rendered"  # last part of the folder's name
 

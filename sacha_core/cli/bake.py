@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Float, Int
 
-__all__ = ["INPUTS", "Options", "run"]
+__all__ = ["INPUTS", "OUTPUTS", "Options", "run"]
 
 INPUTS = ("folder",)
+OUTPUTS = ("output",)
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,10 @@ from sacha_core.cli.program import one_line
 from sacha_core.errors import OptionError, SachaError
 from sacha_core.progress import Progress
 
-__all__ = ["INPUTS", "Options", "run"]
+__all__ = ["INPUTS", "OUTPUT_FOLDERS", "Options", "run"]
 
 INPUTS = ("folder", "motion")
+OUTPUT_FOLDERS = ("output",)
 SUFFIXES = {"encode": (".ply", ".sacha"), "decode": (".sacha",)}
 MADE = {"encode": ".sacha", "decode": ".ply"}
 
@@ -140,10 +141,13 @@ def attempted(
     one: Callable[[Options, Path, Path], Sequence[Path]], options: Options, source: Path, target: Path
 ) -> dict[str, Any]:
     """Make one file; what goes wrong with it is said in its `note`, and its `bytes` are then None."""
+    from sacha_core.files import require_writable
+
     told = {"source": source, "file": target, "bytes": None, "note": ""}
     try:
         if options.keep and target.is_file() and target.stat().st_mtime > newest(source):
             return {**told, "bytes": target.stat().st_size, "note": "done already"}
+        require_writable(target)
         made = one(options, source, target)
     except (SachaError, OSError) as error:
         return {**told, "note": one_line(error)}

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from sacha_core.bench.result import Bench
     from sacha_core.bench.store import Record
 
-__all__ = ["Options", "run"]
+__all__ = ["OUTPUTS", "Options", "run"]
+
+OUTPUTS = ("plot", "sheet")
 
 FOLDER = Path("out/bench")
 PAGE = Path("docs/performance.md")
@@ -134,8 +136,10 @@ def check(options: Options) -> None:
 
     Raises:
         OptionError: naming the option.
+        OSError: the folder that all would go to cannot be written.
     """
     from sacha_core.bench.registry import BENCHES
+    from sacha_core.files import require_writable_folder
 
     measuring = (*BENCHES, "all")
     drawn = tuple(name for name, place in BENCHES.items() if place.drawn)
@@ -158,10 +162,8 @@ def check(options: Options) -> None:
     wanted = {"compare": 2, "page": 1}.get(options.what, 0)
     if options.what != "codec" and len(options.paths) != wanted:
         raise OptionError(f"bench {options.what} takes {wanted} folder{'s' * (wanted > 1)}, not {len(options.paths)}")
-    for name in ("plot", "sheet"):
-        path = getattr(options, name)
-        if path is not None and path.is_dir():
-            raise OptionError(f"--{name} {path} is a folder; expected the name of a file")
+    if options.what == "all":
+        require_writable_folder(options.out or FOLDER)
 
 
 def preset(options: Options) -> Preset:

@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from sacha_core.avatar.gaussians import Gaussians
     from sacha_core.flame.model import HeadModel
 
-__all__ = ["INPUTS", "Options", "run"]
+__all__ = ["INPUTS", "OUTPUTS", "Options", "run"]
 
 INPUTS = ("splats", "motion")
+OUTPUTS = ("output",)
 
 QUANTILES = (0.5, 0.9, 0.99, 1.0)  # of the distances that are told
 LOST = 0.5  # share of Gaussians that are far, from which on the scene hardly stands where the head is

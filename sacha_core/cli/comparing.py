@@ -106,7 +106,7 @@ def left_at_level(opened: Opened, source: Path, options: CompareOptions, console
         OSError: the file cannot be read or written.
     """
     from sacha_core.codec import decode
-    from sacha_core.files import write_aside
+    from sacha_core.files import require_writable, write_aside
     from sacha_core.progress import Progress
     from sacha_core.rate.encoding import RenderingEncoder
 
@@ -115,6 +115,8 @@ def left_at_level(opened: Opened, source: Path, options: CompareOptions, console
     if kept is not None and kept.is_file() and kept.stat().st_mtime > last_change_s(source):
         data = kept.read_bytes()
     else:
+        if kept is not None:
+            require_writable(kept)
         console.report(Progress("encode", 0, 2))
         encoder = RenderingEncoder(opened.avatar, opened.head)
         console.report(Progress("encode", 1, 2))

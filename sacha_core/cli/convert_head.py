@@ -11,7 +11,9 @@ import tyro
 from sacha_core.cli.common import Common, FileOption
 from sacha_core.cli.console import Console, kilobytes
 
-__all__ = ["Options", "run"]
+__all__ = ["OUTPUTS", "Options", "run"]
+
+OUTPUTS = ("output",)
 
 
 @dataclass(frozen=True)

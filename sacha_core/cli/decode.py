@@ -15,9 +15,11 @@ from sacha_core.errors import OptionError
 if TYPE_CHECKING:
     from sacha_core.avatar.motion import Motion
 
-__all__ = ["INPUTS", "ITERATION", "Options", "require_room", "run"]
+__all__ = ["INPUTS", "ITERATION", "OUTPUTS", "OUTPUT_FOLDERS", "Options", "require_room", "run"]
 
 INPUTS = ("file",)
+OUTPUTS = ("ply", "motion")
+OUTPUT_FOLDERS = ("model",)
 
 ITERATION = 1  # a folder of a model names its iterations; a decoded avatar has had none that are known
 

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from sacha_core.interchange.capture import Capture
     from sacha_core.train.options import TrainOptions
 
-__all__ = ["Options", "run"]
+__all__ = ["OUTPUT_FOLDERS", "Options", "run"]
+
+OUTPUT_FOLDERS = ("out",)
 
 BASELINE, OURS = "default", "sacha"
 ITERATIONS = 4800

@@ -38,6 +38,7 @@ PACKAGES = {  # package: what it is needed for; the first ones are needed for ev
 REQUIRED = 5
 DISTRIBUTIONS = {"PIL": "pillow", "flip_evaluator": "flip-evaluator"}  # where the package index has another name
 INPUTS = ("dataset",)
+OUTPUTS = ("picture",)
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,12 @@ if TYPE_CHECKING:
     from sacha_core.avatar.gaussians import Gaussians
     from sacha_core.codec import Inspection
 
-__all__ = ["INPUTS", "Options", "run"]
+__all__ = ["INPUTS", "OUTPUTS", "Options", "run"]
 
 MaybeWeights = Union[None, tuple[str, ...]]  # noqa: UP007 (None first: for a list tyro would load a type checker)
 
 INPUTS = ("model", "ply", "motion", "scheme")
+OUTPUTS = ("output",)
 
 
 @dataclass(frozen=True)

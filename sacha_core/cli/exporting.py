@@ -22,7 +22,7 @@ from sacha_core.cli.sources import Opened
 from sacha_core.errors import OptionError
 from sacha_core.evaluate.peers.peer import enlarged
 from sacha_core.evaluate.peers.splat_transform import lacking, transform
-from sacha_core.files import write_aside
+from sacha_core.files import require_writable, require_writable_folder, write_aside
 from sacha_core.flame.model import JOINTS
 from sacha_core.flame.teeth import is_flame
 from sacha_core.flame.unwrap import unwrapped
@@ -106,6 +106,8 @@ def each_frame(
     def write(opened: Opened, options: Options, console: Console) -> list[Path]:
         frames, standing = poses(opened, options)
         paths = frame_paths(options.output, frames, suffix)
+        for path in paths:
+            require_writable(path)
         factor = enlarge if options.enlarge is None else options.enlarge
         for done, (frame, path) in enumerate(zip(frames, paths, strict=True), start=1):
             gaussians = standing(frame)
@@ -202,6 +204,7 @@ def write_spz(path: Path, gaussians: Gaussians) -> None:
 
 def write_head(opened: Opened, options: Options, console: Console) -> list[Path]:
     """Write the head and its motion as glTF, with the map of its regions on the skin where they are known."""
+    require_writable(options.output)
     head = unwrapped(opened.head)
     motion = opened.avatar.motion or Motion.rest(0, head.exprdirs.shape[2], 0)
     if options.frames is not None:
@@ -222,6 +225,7 @@ def write_their_model(opened: Opened, options: Options, console: Console) -> lis
     """
     motion, head = opened.avatar.motion, opened.head
     require_room("-o", options.output, motion)
+    require_writable_folder(options.output)
     theirs = is_flame(head) and len(head.parents) == len(
         JOINTS
     )  # a rig of FLAME's mesh may have other shapes and no jaw

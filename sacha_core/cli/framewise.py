@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from sacha_core.train.framewise import FrameResult
     from sacha_core.train.options import TrainOptions
 
-__all__ = ["INPUTS", "Options", "run"]
+__all__ = ["INPUTS", "OUTPUT_FOLDERS", "Options", "run"]
 
 INPUTS = ("dataset",)
+OUTPUT_FOLDERS = ("output",)
 REPORT = "report.json"
 MEANS = ("n", "bytes", "psnr", "ssim", "training_seconds")
 

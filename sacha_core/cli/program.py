@@ -15,6 +15,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr
 from itertools import takewhile
+from operator import attrgetter
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -118,9 +119,10 @@ def _run(name: str, arguments: list[str]) -> int:
             args=arguments,
             config=(tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff),
         )
-    if options.common.json is not None and options.common.json.is_dir():  # better said now than after hours of work
-        raise OptionError(f"--json {options.common.json} is a folder; expected the name of a file")
     require_there(getattr(options, field) for field in getattr(module, "INPUTS", ()))
+    require_writable_outputs(
+        options, ("common.json", *getattr(module, "OUTPUTS", ())), getattr(module, "OUTPUT_FOLDERS", ())
+    )
     from sacha_core.cli.console import Console, write_report
 
     start = time.perf_counter()
@@ -210,6 +212,20 @@ def require_there(inputs: Iterable[Path | None]) -> None:
     for path in inputs:
         if path is not None and not path.exists():
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), os.fspath(path))
+
+
+def require_writable_outputs(options: Any, files: Iterable[str], folders: Iterable[str]) -> None:
+    """Refuse outputs that could not be written, before the work that goes into them; what is not asked for is None.
+
+    Raises:
+        OSError: naming the first.
+    """
+    from sacha_core.files import require_writable, require_writable_folder
+
+    for require, fields in ((require_writable, files), (require_writable_folder, folders)):
+        for path in (attrgetter(field)(options) for field in fields):
+            if path is not None:
+                require(path)
 
 
 def _load(name: str) -> ModuleType:

@@ -16,9 +16,10 @@ from sacha_core.errors import OptionError
 if TYPE_CHECKING:
     from sacha_core.cli.pruned import Pruned
 
-__all__ = ["INPUTS", "Options", "run", "stored_scores"]
+__all__ = ["INPUTS", "OUTPUT_FOLDERS", "Options", "run", "stored_scores"]
 
 INPUTS = ("avatar", "motion", "scheme", "importance", "dataset", "before")
+OUTPUT_FOLDERS = ("scene",)
 
 MaybeLevel = Union[None, Literal[1, 2, 3, 4, "archive"]]  # noqa: UP007 (tyro understands it by itself)
 
@@ -160,7 +161,10 @@ def require_consistent(options: Options) -> None:
 
     Raises:
         OptionError: naming what contradicts what.
+        OSError: the output cannot be written.
     """
+    from sacha_core.files import require_writable, require_writable_folder
+
     given = [name for name in ("keep", "ratio", "target_count") if getattr(options, name) is not None]
     if len(given) > 1 or not (given or options.target_size):
         named = " and ".join(f"--{name.replace('_', '-')}" for name in given) or "none"
@@ -168,6 +172,9 @@ def require_consistent(options: Options) -> None:
     for path, what in ((options.avatar, "the avatar itself"), (options.before, "what it shall be set beside")):
         if path is not None and options.output.exists() and options.output.samefile(path):
             raise OptionError(f"-o {options.output} is {what}; expected another place")
+    (require_writable if options.output.suffix.lower() in {".sacha", ".ply"} else require_writable_folder)(
+        options.output
+    )
     if options.output.suffix.lower() != ".sacha":
         for name in ("level", "target_size", "embed_head"):
             if getattr(options, name):

@@ -96,14 +96,16 @@ def make_scores(options: Options, opened: Opened, capture: Capture | None, conso
     from sacha_core.cli.score import beside
     from sacha_core.density.scores_file import write_scores
     from sacha_core.evaluate.importance import score_avatar
+    from sacha_core.files import require_writable
     from sacha_core.train.options import TrainOptions
 
     chosen = TrainOptions()
     chosen = replace(chosen, importance=replace(chosen.importance, views=options.views))
     gaussians, motion = opened.avatar.gaussians, opened.avatar.motion
     partition = own_regions(options, opened)
-    scored = score_avatar(gaussians, opened.head, motion, capture, chosen, console.report, partition)
     path = options.scores or beside(options.avatar)
+    require_writable(path)
+    scored = score_avatar(gaussians, opened.head, motion, capture, chosen, console.report, partition)
     write_scores(path, scored.scores)
     console.wrote("scores", path, f"{len(gaussians):,} Gaussians in {scored.n_views} views")
     return path, scored.scores

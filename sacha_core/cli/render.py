@@ -33,9 +33,10 @@ if TYPE_CHECKING:
     from sacha_core.cli.sources import Opened
     from sacha_core.cli.stage import Stage
 
-__all__ = ["INPUTS", "Options", "ViewOptions", "run"]
+__all__ = ["INPUTS", "OUTPUTS", "Options", "ViewOptions", "run"]
 
 INPUTS = ("avatar", "motion", "vertices")
+OUTPUTS = ("output", "video", "compare.truth", "compare.error")
 
 DEFAULT_SIZE = (550, 802)  # the paper's images
 

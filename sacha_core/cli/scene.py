@@ -16,9 +16,10 @@ from sacha_core.progress import Progress
 if TYPE_CHECKING:
     from sacha_core.scene.contents import Scene
 
-__all__ = ["INPUTS", "Extras", "Options", "of_model", "open_scene", "run"]
+__all__ = ["INPUTS", "OUTPUT_FOLDERS", "Extras", "Options", "of_model", "open_scene", "run"]
 
 INPUTS = ("file", "compare", "scores", "scheme", "motion")
+OUTPUT_FOLDERS = ("out",)
 
 
 @dataclass(frozen=True)

@@ -88,6 +88,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     from sacha_core.cli.sources import open_avatar
     from sacha_core.density.scores_file import write_scores
     from sacha_core.evaluate.importance import score_avatar
+    from sacha_core.files import require_writable
     from sacha_core.interchange.capture import read_capture
     from sacha_core.regions.scheme import find_scheme
     from sacha_core.regions.scheme_file import read_scheme_file
@@ -96,6 +97,7 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     output = options.output or beside(options.avatar)
     if output.suffix.lower() != ".npz":
         raise OptionError(f"{output}: expected the name of a scores file, such as {output.stem}.scores.npz")
+    require_writable(output)
     capture = None if options.dataset is None else read_capture(options.dataset)
     opened = open_avatar(options.avatar, options.head, options.motion)
     gaussians, motion = opened.avatar.gaussians, opened.avatar.motion

@@ -12,9 +12,10 @@ from sacha_core.cli.common import Common, HeadSource, MaybePath
 from sacha_core.cli.console import Console
 from sacha_core.progress import Progress
 
-__all__ = ["INPUTS", "Options", "run"]
+__all__ = ["INPUTS", "OUTPUT_FOLDERS", "Options", "run"]
 
 INPUTS = ("avatar", "vertices")
+OUTPUT_FOLDERS = ("out",)
 
 
 @dataclass(frozen=True)

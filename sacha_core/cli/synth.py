@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from sacha_core.flame.model import HeadModel
     from sacha_core.synthesis.options import SynthOptions
 
-__all__ = ["Options", "run"]
+__all__ = ["OUTPUT_FOLDERS", "Options", "run"]
+
+OUTPUT_FOLDERS = ("out",)
 
 
 @dataclass(frozen=True)

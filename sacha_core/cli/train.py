@@ -22,9 +22,10 @@ if TYPE_CHECKING:
     from sacha_core.train.options import TrainOptions
     from sacha_core.train.output import TrainedModel
 
-__all__ = ["INPUTS", "Options", "run"]
+__all__ = ["INPUTS", "OUTPUT_FOLDERS", "Options", "run"]
 
 INPUTS = ("dataset",)
+OUTPUT_FOLDERS = ("output",)
 LISTS = {"--list-options": "list_options"}  # flags by which the command prints something and does nothing
 
 Variant = Literal[

@@ -132,7 +132,7 @@ def test_results_are_put_on_a_page(call, benches, tmp_path: Path) -> None:
         (("codec", "--frames", "out"), "--frames belongs to a comparison"),
         (("codec", "a.ply", "--codecs", "sacha, hvec"), "there is no codec 'hvec'; expected one of sacha, "),
         (("codec", "a.ply", "--codecs", " ,"), "--codecs ' ,' names none; expected names such as sacha,hevc,draco"),
-        (("codec", "a.ply", "--sheet", "."), "--sheet . is a folder; expected the name of a file"),
+        (("codec", "a.ply", "--sheet", "."), ".: is a directory"),
         (("codec", "a.ply", "--require", "hvec"), "there is no codec 'hvec'"),
         (("codec", "a.ply", "--frames", "missing"), "missing: no such file or directory"),
         (("codec", "missing.ply"), "missing.ply: no such file or directory"),
@@ -158,7 +158,7 @@ def test_a_bench_that_cannot_run_says_so_on_one_line(call, benches) -> None:
 def test_a_picture_that_cannot_be_written_is_refused_before_the_work(call, benches, tmp_path: Path) -> None:
     for arguments, expected in (
         (("stability", "--plot", tmp_path / "p.png"), "bench stability has no use for --plot"),
-        (("raster", "--plot", tmp_path), f"--plot {tmp_path} is a folder"),
+        (("raster", "--plot", tmp_path), f"{tmp_path}: is a directory"),
     ):
         benches["raster"].measure = benches["stability"].measure = None
         done = call("bench", *arguments)
