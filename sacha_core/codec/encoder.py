@@ -115,8 +115,8 @@ def encode_traced(
     is at hand.
     """
     chosen = level if isinstance(level, Level) else level_named(level)
-    if not 1 <= group_frames <= 65535:
-        raise OptionError(f"group_frames is {group_frames}, expected 1 to 65535")
+    if not isinstance(group_frames, (int, np.integer)) or not 1 <= group_frames <= 65535:
+        raise OptionError(f"group_frames is {group_frames!r}, expected a whole number from 1 to 65535")
     check_head(avatar, head, embed_head)
     avatar.gaussians.validate(avatar.head.n_faces)
     gaussians = avatar.gaussians

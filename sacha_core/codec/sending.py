@@ -191,8 +191,10 @@ def packets_of(source: Source) -> Iterator[bytes]:
 
 def check_group(group_frames: int, n_parameters: int) -> None:
     """Check that a group fits into a packet."""
-    if not 1 <= group_frames <= MOST_NUMBERS // n_parameters:
-        most = MOST_NUMBERS // n_parameters
+    most = MOST_NUMBERS // n_parameters
+    if not isinstance(group_frames, (int, np.integer)):
+        raise OptionError(f"group_frames is {group_frames!r}, expected a whole number from 1 to {most}")
+    if not 1 <= group_frames <= most:
         raise OptionError(f"{group_frames} frames of {n_parameters} parameters in a packet, expected 1 to {most}")
 
 

@@ -222,8 +222,9 @@ def test_options_out_of_range_are_named():
     avatar = random_avatar(3)
     with pytest.raises(OptionError, match="level 5"):
         encode(avatar, 5)
-    with pytest.raises(OptionError, match="group_frames"):
-        encode(avatar, group_frames=0)
+    for wrong in (0, 65536, 1.5, float("nan"), "25", None):
+        with pytest.raises(OptionError, match=r"group_frames is .*, expected a whole number from 1 to 65535"):
+            encode(avatar, group_frames=wrong)
     with pytest.raises(HeadError, match="embed"):
         encode(avatar, embed_head=True)
 

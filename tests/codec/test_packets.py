@@ -170,6 +170,10 @@ def test_frames_that_do_not_fit_are_refused():
         encoder.push(far)
     with pytest.raises(OptionError, match="expected 1 to"):
         sacha_core.Encoder(avatar, 2, group_frames=5000)
+    for wrong in (1.5, 4.0, float("nan"), "25", None):
+        with pytest.raises(OptionError, match=r"group_frames is .*, expected a whole number from 1 to"):
+            sacha_core.Encoder(avatar, 2, group_frames=wrong)
+    assert sacha_core.Encoder(avatar, 2, group_frames=np.int64(4)).first == encoder.first
     with pytest.raises(OptionError, match="needs a motion"):
         sacha_core.Encoder(replace(avatar, motion=None))
     with pytest.raises(FormatError, match="lossy"):
