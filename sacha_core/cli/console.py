@@ -14,7 +14,7 @@ from sacha_core.cli.waiting import Bar, JsonLines, Nothing, PlainLines, Waiting
 from sacha_core.files import write_aside
 from sacha_core.progress import Progress
 
-__all__ = ["Console", "kilobytes", "table", "write_report"]
+__all__ = ["Console", "counted", "kilobytes", "table", "write_report"]
 
 
 class Console:
@@ -70,6 +70,11 @@ class Console:
 def kilobytes(n_bytes: int) -> str:
     """Say a size in KB of 1000 bytes."""
     return f"{n_bytes / 1000:,.1f} KB"
+
+
+def counted(n: int, noun: str) -> str:
+    """Say how many there are of something: 1 frame, 1,000 frames."""
+    return f"{n:,} {noun}{'s' * (n != 1)}"
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], words: Collection[int] = (0,)) -> str:

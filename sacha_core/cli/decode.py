@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from sacha_core.cli.common import Common, FileOption, HeadSource, MaybePath
-from sacha_core.cli.console import Console, kilobytes
+from sacha_core.cli.console import Console, counted, kilobytes
 from sacha_core.errors import OptionError
 
 if TYPE_CHECKING:
@@ -67,8 +67,8 @@ def run(options: Options, console: Console) -> dict[str, Any]:
     if options.model is not None:
         require_room("--model", options.model, avatar.motion)
     console.say(
-        f"{options.file}: {len(avatar.gaussians):,} Gaussians on head {avatar.head.name!r}, "
-        + (f"{len(avatar.motion)} frames" if avatar.motion else "no motion")
+        f"{options.file}: {counted(len(avatar.gaussians), 'Gaussian')} on head {avatar.head.name!r}, "
+        + (counted(len(avatar.motion), "frame") if avatar.motion else "no motion")
     )
     if options.ply is not None:
         write_bound_ply(options.ply, avatar.gaussians, avatar.gaussians.sh_degree)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 import tyro
 
 from sacha_core.cli.common import Common, FileOption, HeadSource, MaybeFloat, MaybePath, MaybeText
-from sacha_core.cli.console import Console, kilobytes
+from sacha_core.cli.console import Console, counted, kilobytes
 from sacha_core.cli.inspect import grade
 from sacha_core.errors import OptionError
 
@@ -151,15 +151,16 @@ def ply_bytes(gaussians: Gaussians) -> int:
 def tell(options: Options, found: Inspection, n_given: int, raw_bytes: int, console: Console) -> None:
     """Say what was written, and what each part costs."""
     left_out = n_given - found.n_gaussians
+    are, their, were = ("is", "its", "was") if left_out == 1 else ("are", "their", "were")
     console.wrote("avatar", options.output, f"{grade(found)}, {kilobytes(found.total_bytes)}")
     console.say(
         f"gaussians    {kilobytes(found.gaussian_bytes)} for {found.n_gaussians:,}"
-        + (f" ({left_out:,} that are not worth their bits were left out)" if left_out else "")
-        + f"; as PLY {kilobytes(raw_bytes)}, {raw_bytes / found.gaussian_bytes:.0f} times as much"
+        + (f" ({left_out:,} that {are} not worth {their} bits {were} left out)" if left_out else "")
+        + f"; as PLY {kilobytes(raw_bytes)}, {times_as_much(raw_bytes / found.gaussian_bytes)}"
     )
     if found.n_frames:
         console.say(
-            f"motion       {kilobytes(found.motion_bytes)} for {found.n_frames} frames, "
+            f"motion       {kilobytes(found.motion_bytes)} for {counted(found.n_frames, 'frame')}, "
             f"{found.dynamic_bytes_per_frame:.1f} bytes each"
         )
     else:
@@ -169,3 +170,9 @@ def tell(options: Options, found: Inspection, n_given: int, raw_bytes: int, cons
         if found.head_bytes
         else f"head         not inside: whoever opens the file needs {found.head.name!r} (--embed-head puts it in)"
     )
+
+
+def times_as_much(factor: float) -> str:
+    """Say how many times as much something is, with a decimal where whole numbers would say nothing."""
+    times = f"{factor:.{0 if factor >= 1.95 else 1}f}"
+    return "as much" if times == "1.0" else f"{times} times as much"

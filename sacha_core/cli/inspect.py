@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from sacha_core.cli.common import Common, HeadSource, naming
-from sacha_core.cli.console import Console, kilobytes, table
+from sacha_core.cli.console import Console, counted, kilobytes, table
 
 if TYPE_CHECKING:
     from sacha_core.codec import Inspection
@@ -121,7 +121,7 @@ def describe(file: Path, found: Inspection) -> str:
     rest = found.total_bytes - named
     rows.append(("(table)", f"{rest:,}", f"{100 * rest / found.total_bytes:.1f} %", "", "sections and checksums"))
     motion = (
-        f"{found.n_frames} frames at {found.frame_rate:g} a second, playable from {found.n_groups} places"
+        f"{counted(found.n_frames, 'frame')} at {found.frame_rate:g} a second, playable from {counted(found.n_groups, 'place')}"
         if found.frame_rate
         else "none"
     )

@@ -18,7 +18,9 @@ from PIL import Image
 
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.binding import initial_gaussians
+from sacha_core.avatar.motion import Motion
 from sacha_core.cli.common import HeadSource
+from sacha_core.cli.encode import times_as_much
 from sacha_core.cli.sources import open_avatar
 from sacha_core.cli.train import Variant
 from sacha_core.codec import decode, encode, encode_archive
@@ -121,6 +123,37 @@ def test_targets_are_kept(done, refused, model: Path, tmp_path: Path) -> None:
     assert "out of reach; the smallest" in refused("encode", model, "--target-size", 500, "-o", file)
     assert "a size of 'much'" in refused("encode", model, "--target-size", "much", "-o", file)
     assert file.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        (0.34, "0.3 times as much"),
+        (0.96, "as much"),
+        (1.04, "as much"),
+        (1.2, "1.2 times as much"),
+        (1.96, "2 times as much"),
+        (37.4, "37 times as much"),
+    ],
+)
+def test_times_are_said_as_people_say_them(factor: float, said: str) -> None:
+    assert times_as_much(factor) == said
+
+
+def test_one_of_something_is_said_as_one(done, tmp_path: Path) -> None:
+    """One frame, one Gaussian of two that is worth its bits, one group."""
+    head = synthetic_head("small")
+    gaussians = initial_gaussians(head.n_faces, np.random.default_rng(0), 0).select(np.arange(2))
+    gaussians.opacity_logit[:] = [3.0, -30.0]
+    motion = Motion.rest(head.shapedirs.shape[2], head.exprdirs.shape[2])
+    (tmp_path / "a.sacha").write_bytes(encode_archive(Avatar(gaussians, head.reference, motion)))
+    file = tmp_path / "b.sacha"
+    told = done("encode", tmp_path / "a.sacha", "--head", "synthetic:small", "--no-rendering", "-o", file).out
+    assert " for 1 (1 that is not worth its bits was left out); as PLY" in told
+    assert " for 1 frame, " in told
+    assert f"1 frame at {motion.frame_rate:g} a second, playable from 1 place\n" in done("inspect", file).out
+    decoded = done("decode", file, "--head", "synthetic:small", "--ply", tmp_path / "b.ply").out
+    assert f"{file}: 1 Gaussian on head {head.name!r}, 1 frame\n" in decoded
 
 
 def opened(model: Path) -> tuple[Avatar, HeadModel]:
