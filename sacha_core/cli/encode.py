@@ -127,6 +127,11 @@ def run(options: Options, console: Console) -> dict[str, Any]:
         console.say(f"note         --no-rendering changes nothing: {sightless(options)} never looks at pictures")
     if made.psnr_db is not None:
         console.say(f"pictures     {made.psnr_db:.2f} dB from those of the uncompressed avatar")
+    if made.is_best:
+        console.say(
+            f"note         {options.target_size} is more than this avatar takes: the file is of the best quality there is, and more bytes"
+            " would bring nothing (--level archive keeps every bit)"
+        )
     console.hint(f"sacha render {options.output} --frame 0 -o {options.output.with_suffix('.png')}")
     return {
         "file": options.output,

@@ -31,11 +31,13 @@ class Made(NamedTuple):
         data: its bytes.
         psnr_db: against the uncompressed avatar; None where nobody measured it.
         n_trials: encodings that it took.
+        is_best: whether a size was asked for that is more than even the highest quality takes.
     """
 
     data: bytes
     psnr_db: float | None = None
     n_trials: int = 1
+    is_best: bool = False
 
 
 def require_consistent(options: Options) -> None:
@@ -93,7 +95,7 @@ def make(options: Options, avatar: Avatar, head: HeadModel, console: Console) ->
     else:
         require_posable(avatar, head)
         made = make_by_rendering(options, avatar, head, console)
-    if options.measure and made.psnr_db is None:
+    if (options.measure or made.is_best) and made.psnr_db is None:
         return made._replace(psnr_db=measured(made.data, avatar, head))
     return made
 
@@ -116,6 +118,7 @@ def require_posable(avatar: Avatar, head: HeadModel) -> None:
 
 def make_by_rendering(options: Options, avatar: Avatar, head: HeadModel, console: Console) -> Made:
     """Compress with an eye on pictures."""
+    from sacha_core.codec.levels import MAX_QUALITY
     from sacha_core.rate.encoding import RenderingEncoder
     from sacha_core.rate.judging import Judge
     from sacha_core.rate.target import encode_to_psnr, encode_to_size, parse_size
@@ -129,7 +132,7 @@ def make_by_rendering(options: Options, avatar: Avatar, head: HeadModel, console
         return Made(near.encoded.data, near.psnr_db, near.n_trials)
     if options.target_size is not None:
         reached = encode_to_size(encoder, parse_size(options.target_size), console.report)
-        return Made(reached.encoded.data, None, reached.n_trials)
+        return Made(reached.encoded.data, None, reached.n_trials, reached.encoded.level.quality >= MAX_QUALITY)
     assert options.level != "archive"
     return Made(encoder.encode(options.level).data)
 

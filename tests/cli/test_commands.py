@@ -24,6 +24,7 @@ from sacha_core.cli.encode import times_as_much
 from sacha_core.cli.sources import open_avatar
 from sacha_core.cli.train import Variant
 from sacha_core.codec import decode, encode, encode_archive
+from sacha_core.codec.levels import MAX_QUALITY, level_at
 from sacha_core.flame.head_file import load_head
 from sacha_core.flame.model import HeadModel
 from sacha_core.flame.shelf import find_head
@@ -123,6 +124,18 @@ def test_targets_are_kept(done, refused, model: Path, tmp_path: Path) -> None:
     assert "out of reach; the smallest" in refused("encode", model, "--target-size", 500, "-o", file)
     assert "a size of 'much'" in refused("encode", model, "--target-size", "much", "-o", file)
     assert file.read_bytes() == before
+
+
+def test_a_size_beyond_the_best_file_is_told_with_what_that_reaches(done, model: Path, tmp_path: Path) -> None:
+    """Oracle: the library's file of the highest quality, and its judge."""
+    file, (avatar, head) = tmp_path / "a.sacha", opened(model)
+    outcome = done("encode", model, "--target-size", "3MB", "-o", file)
+    best = RenderingEncoder(avatar, head).encode(level_at(MAX_QUALITY)).data
+    assert file.read_bytes() == best
+    assert outcome.report["psnr_db"] == Judge(avatar, head).full(decode(best, head=head).gaussians)
+    assert f"{outcome.report['psnr_db']:.2f} dB from" in outcome.out
+    assert "3MB is more than this avatar takes: the file is of the best quality there is" in outcome.out
+    assert "more bytes" not in done("encode", model, "--target-size", "4KB", "-o", file).out
 
 
 @pytest.mark.parametrize(
