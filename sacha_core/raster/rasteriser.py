@@ -15,6 +15,7 @@ from sacha_core.raster.binning import Binner, Bins
 from sacha_core.raster.camera import Camera
 from sacha_core.raster.kernels.blend import BLEND_SCRATCH, blend
 from sacha_core.raster.kernels.blend_backward import BACKWARD_SCRATCH, blend_backward
+from sacha_core.raster.kernels.blend_cover import blend_cover
 from sacha_core.raster.kernels.blend_peaks import blend_peaks, gather_peaks
 from sacha_core.raster.kernels.blend_removal import IMAGES, KINDS, REMOVAL_SCRATCH, blend_removal
 from sacha_core.raster.kernels.blend_weights import blend_weights
@@ -224,7 +225,7 @@ class Rasteriser:
         weights = self._checked(frame, pixel_weights, (len(pixel_weights), *frame.transmittance.shape))
         bins, ranges, scratch = frame.bins, frame.bins.ranges, self._scratch()
         sums = self._entry_sums(bins)
-        result = np.zeros((len(frame.splats), len(weights)))
+        found = list[np.ndarray]()
         for first in range(0, len(weights), MAX_CHANNELS):
             part = weights[first : first + MAX_CHANNELS].ravel()
 
@@ -235,10 +236,36 @@ class Rasteriser:
                 )  # fmt: skip
 
             self._pool.run(job, len(ranges) - 1)
-            result[:, first : first + MAX_CHANNELS] = self._gathered(bins, sums, MAX_CHANNELS)[
-                :, : len(weights) - first
-            ]
-        return result
+            found.append(self._gathered(bins, sums, min(MAX_CHANNELS, len(weights) - first)))
+        return found[0] if len(found) == 1 else np.concatenate([np.zeros((len(frame.splats), 0)), *found], axis=1)
+
+    def cover(self, splats: Splats, camera: Camera) -> Float[np.ndarray, " n"]:
+        """Give how much of a picture each Gaussian makes up, pixels: `colour_weights` of ones, without drawing; colours do not matter.
+
+        Frames drawn before are stale then.
+
+        Args:
+            splats: n Gaussians.
+            camera: up to 16384 pixels a side.
+
+        Returns:
+            (n,) float64.
+
+        Raises:
+            OptionError: shapes disagree or the camera is unusable.
+            SachaError: the splats touch more tiles than memory is given for.
+        """
+        bins = self._binner.bin(splats.prepared(), camera)
+        ranges, scratch, sums = bins.ranges, self._scratch(), self._entry_sums(bins)
+
+        def job(worker: int, k: int) -> None:
+            blend_cover(
+                ranges[k], ranges[k + 1], bins.start, bins.entries, bins.projection.records, bins.x_lanes, bins.y_lanes,
+                camera.width, camera.height, sums, scratch[worker],
+            )  # fmt: skip
+
+        self._pool.run(job, len(ranges) - 1)
+        return self._gathered(bins, sums, 1)[:, 0]
 
     def largest_weights(self, frame: Frame) -> Float[np.ndarray, " n"]:
         """Give for each Gaussian the largest blending weight that it has in any pixel, 0 to 1, float32.

@@ -19,6 +19,7 @@ from jaxtyping import Float, Int
 from sacha_core.avatar.gaussians import Gaussians
 from sacha_core.density.scores.light_gaussian import light_gaussian_score
 from sacha_core.raster.rasteriser import Frame, Rasteriser
+from sacha_core.raster.splats import Splats
 from sacha_core.rate.curvature import draw
 from sacha_core.rate.recolouring import n_views, views_of
 from sacha_core.rate.visibility import STOCK_SHARE, Grounds
@@ -54,8 +55,8 @@ def look_at(gaussians: Gaussians, grounds: Grounds, rasteriser: Rasteriser | Non
     rasteriser = rasteriser or Rasteriser()
     own, elsewhere, missed = (np.zeros(len(gaussians)) for _ in range(3))
     for world, camera in views_of(gaussians, grounds.fine, rasteriser.pool):
-        frame = draw(gaussians, world, camera, rasteriser)
-        own += rasteriser.colour_weights(frame, ones_like(frame))[:, 0]
+        splats = Splats(world.means, world.scales, world.quaternions, world.opacities, gaussians.sh_dc)
+        own += rasteriser.cover(splats, camera)
     for world, camera in views_of(gaussians, grounds.stock, rasteriser.pool):
         frame = draw(gaussians, world, camera, rasteriser)
         elsewhere += rasteriser.colour_weights(frame, ones_like(frame))[:, 0]

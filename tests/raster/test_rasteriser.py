@@ -24,6 +24,7 @@ PIXEL = 2e-5  # float32 rounding of some tens of blended terms, and 1e-6 relativ
 BAND = 2e-5  # relative distance from a threshold within which float32 may decide otherwise
 FLIP = 1.2 / 255  # what one decision at alpha = 1/255 may change in a colour of at most 1
 GRADIENT = 2e-4  # relative to the largest gradient of its kind: float32 sums over a few thousand pixels
+CLOSED = 2e-4  # transmittance of a pixel that has closed, or all but
 COLOURS_AND_CAMERAS = [(1, 8, 8), (2, 16, 33), (3, 45, 70), (4, 57, 31), (4, 5, 3), (3, 1, 1)]
 
 
@@ -138,7 +139,8 @@ def test_threads_do_not_change_a_bit() -> None:
         frame = own.forward(splats, view, background)
         gradients = own.backward(frame, upstream)
         weights = own.colour_weights(frame, upstream[:1])
-        results.append([frame.image, frame.transmittance, frame.visible, weights, *vars(gradients).values()])
+        drawn = [frame.image.copy(), frame.transmittance.copy(), frame.visible, weights, *vars(gradients).values()]
+        results.append([*drawn, own.cover(splats, view)])
     for other in results[1:]:
         assert all(np.array_equal(a, b) for a, b in zip(results[0], other, strict=True))
 
@@ -246,6 +248,16 @@ def test_colour_weights_are_the_blending_weights(rasteriser: Rasteriser) -> None
     assert weights[:, 0].sum() == pytest.approx(float((1 - frame.transmittance.astype(np.float64)).sum()), rel=GRADIENT)
     by_colour = rasteriser.backward(frame, pixel_weights[2:3]).colours[:, 0]
     assert np.abs(weights[:, 2] - by_colour).max() < GRADIENT * by_colour.max()
+
+
+@pytest.mark.parametrize(("n", "scale"), [(0, 0.05), (40, 0.02), (3000, 0.05)])
+def test_cover_is_the_weight_of_all_pixels_alike(rasteriser: Rasteriser, n: int, scale: float) -> None:
+    """Oracle: the importance pass, to the bit; tiles that reach beyond the image, pixels that close."""
+    splats, view = scene(63, n, 3, scale), camera(150, 130, 160.0)
+    frame = rasteriser.forward(splats, view, np.zeros(3))
+    assert (frame.transmittance < CLOSED).any() == (n > 1000)
+    expected = rasteriser.colour_weights(frame, np.ones((1, 130, 150), np.float32))[:, 0].copy()
+    assert np.array_equal(rasteriser.cover(splats, view), expected)
 
 
 def test_white_on_white_is_white(rasteriser: Rasteriser) -> None:
