@@ -99,11 +99,13 @@ def encode_to_psnr(
     report: Report = silent,
     start: float = START,
     n_trials: int = MOST_TRIALS,
+    grain_db: float = 0.0,
 ) -> Reached:
     """Find the smallest file that reaches a PSNR against the uncompressed avatar, over all views of the protocol.
 
     Searches by an eighth of the views, from a quality `start` on (see `search`), then holds what it found to all of them and corrects
-    itself, twice at most.
+    itself, twice at most. Files of neighbouring qualities may differ by `grain_db` by chance: where all that was tried fell short, the
+    last one is tried so far beyond.
 
     Raises:
         OptionError: even the best file does not reach it; the message says how far it comes.
@@ -129,7 +131,8 @@ def encode_to_psnr(
     if not reached:
         best = max(checked, key=lambda quality: checked[quality])
         if best < MAX_QUALITY - NARROW:  # so near that all checks were spent
-            top = trials.at(min(best + 2 * NARROW, MAX_QUALITY))
+            beyond = (decibels - checked[best] + grain_db) / DB_PER_LEVEL if grain_db else 0.0
+            top = trials.at(round(min(best + 2 * NARROW + beyond, MAX_QUALITY), 4))
             full = judge.full(decode(top.data, head=head).gaussians)
             if full >= decibels:
                 return Reached(top, full, len(trials))

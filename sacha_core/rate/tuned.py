@@ -45,6 +45,7 @@ __all__ = ["Tuner", "encode_tuned"]
 TRIALS = (
     3  # of a search, and one more; each fits anew, and its quality is off what its level promises by 0.1 dB either way
 )
+GRAIN_DB = 0.4  # so much beyond what was missing is reached in all likelihood
 CAPTURE_ITERATIONS = 600  # steps towards the pictures of a capture, before anything is coded
 
 
@@ -133,7 +134,7 @@ class Tuner:
         aim = decibels + self._quick(plain.encoded) - plain.psnr_db
         fitted = self._fitted(plain.encoded, SameQuality(aim))
         try:
-            found = encode_to_psnr(fitted, self._judge, decibels, self._report, fitted.quality, TRIALS)
+            found = encode_to_psnr(fitted, self._judge, decibels, self._report, fitted.quality, TRIALS, GRAIN_DB)
         except OptionError:  # too few are left for it: the plain file reaches it
             return plain
         if len(found.encoded.data) >= len(plain.encoded.data):

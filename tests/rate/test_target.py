@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,10 +14,11 @@ from hypothesis import strategies as st
 from sacha_core.avatar.avatar import Avatar
 from sacha_core.avatar.binding import initial_gaussians
 from sacha_core.codec import decode, encode, inspect
-from sacha_core.codec.levels import MAX_QUALITY, MIN_QUALITY, level_at
+from sacha_core.codec.levels import MAX_QUALITY, MIN_QUALITY, Level, level_at
 from sacha_core.errors import OptionError
 from sacha_core.flame.model import HeadModel
-from sacha_core.rate.encoding import RenderingEncoder
+from sacha_core.rate import target
+from sacha_core.rate.encoding import Encoded, RenderingEncoder
 from sacha_core.rate.judging import Judge
 from sacha_core.rate.target import encode_to_psnr, encode_to_size, parse_size, search
 
@@ -53,10 +55,32 @@ def test_a_search_that_is_cut_short_reaches_its_target_all_the_same() -> None:
     assert max(tried.values()) > 6.0
 
 
-@pytest.mark.parametrize("target", [-100.0, 100.0])
-def test_what_is_out_of_reach_ends_at_the_range(target: float) -> None:
-    tried = search(lambda quality: quality, target, 1.0, 0.05)
-    assert (min(tried) if target < 0 else max(tried)) == (MIN_QUALITY if target < 0 else MAX_QUALITY)
+def test_a_dent_in_the_curve_is_stepped_over_where_chance_is_known_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: a curve that is flat just below the target for as long as all trials last."""
+
+    class Files:
+        head = None
+
+        def encode(self, level: Level) -> Encoded:
+            return Encoded(repr(level.quality).encode(), level, np.zeros(0, np.int64))
+
+    class Dented:
+        def quick(self, quality: float) -> float:
+            return min(5 * quality, 9.95) if quality < 2.14 else 5 * quality
+
+        full = quick
+
+    monkeypatch.setattr(target, "decode", lambda data, **_: SimpleNamespace(gaussians=float(data)))
+    with pytest.raises(OptionError, match="out of reach"):
+        encode_to_psnr(Files(), Dented(), 10.0, start=1.98, n_trials=3)  # type: ignore[arg-type]  # stand-ins
+    found = encode_to_psnr(Files(), Dented(), 10.0, start=1.98, n_trials=3, grain_db=0.4)  # type: ignore[arg-type]  # stand-ins
+    assert 2.14 <= found.encoded.level.quality < 2.3
+
+
+@pytest.mark.parametrize("wanted", [-100.0, 100.0])
+def test_what_is_out_of_reach_ends_at_the_range(wanted: float) -> None:
+    tried = search(lambda quality: quality, wanted, 1.0, 0.05)
+    assert (min(tried) if wanted < 0 else max(tried)) == (MIN_QUALITY if wanted < 0 else MAX_QUALITY)
     assert len(tried) < 5
 
 
