@@ -18,7 +18,7 @@ from sacha_core.perception.kernels.entropy import LOWEST
 from sacha_core.perception.kernels.parts import compare_parts
 from sacha_core.perception.kernels.structural import STRIP, STRIP_SPACE
 
-__all__ = ["ImageLoss", "ImageLosses"]
+__all__ = ["Box", "ImageLoss", "ImageLosses"]
 
 F = np.float32
 BANDS = 8  # of the sensitivity, which come last: small, so that threads finish together

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Shaped
 
-from sacha_core.perception.image_loss import ImageLosses
+from sacha_core.perception.image_loss import Box, ImageLosses
 
 __all__ = ["squared_loss"]
 
@@ -17,7 +17,7 @@ def squared_loss(
     image: Float[np.ndarray, "c h w"],
     target: Shaped[np.ndarray, "c3 h0 w0"],
     sensitivity: Shaped[np.ndarray, "h0 w0"] | None = None,  # noqa: ARG001 (this loss has no use for it)
-    box: tuple[int, int, int, int] | None = None,
+    box: Box | None = None,
 ) -> ImageLosses:
     """Compare a picture with its target; called as `sacha_core.perception.image_loss.ImageLoss` is.
 
